@@ -105,7 +105,11 @@ class DirectoryStore:
             (self._root / bucket).stat()
 
     def find_same(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo | None:
-        """Returns the stored object if it has the same size and MD5 as a file, else `None`."""
+        """Returns the stored object if it has the same size and MD5 as a local file.
+
+        Returns `None` if the object differs or does not exist. Raises `StorageError` if the file cannot be read, and
+        `TransferStoppedError` if `stopped` says so.
+        """
         refuse_stopped(stopped, bucket, key)
         with suppress(ObjectNotFoundError, BucketNotFoundError):
             found = self.head(bucket, key)
@@ -135,7 +139,10 @@ class DirectoryStore:
             return info
 
     def get_file(self, bucket: str, key: str, path: Path) -> ObjectInfo:
-        """Copies an object to a file, which appears only when complete."""
+        """Copies an object to a file, which appears only when complete, and returns what is known of the object.
+
+        Raises `ObjectNotFoundError` if there is no such object, and `StorageError` if the file cannot be written.
+        """
         temporary = path.with_name(f".{uuid4().hex}.part")
         with self._opened(bucket, key) as (source, info), os_failures(f"fetch {bucket}/{key} into {path}"):
             try:
@@ -157,7 +164,10 @@ class DirectoryStore:
             return info
 
     def list(self, bucket: str, prefix: str = "") -> Iterator[ObjectInfo]:
-        """Lists objects whose keys start with `prefix`, in key order."""
+        """Lists objects whose keys start with `prefix`, in key order; objects that disappear meanwhile are left out.
+
+        Nothing is listed behind symbolic links. Raises `BucketNotFoundError` if there is no such bucket.
+        """
         check_prefix(prefix)
         folder = self._bucket_path(bucket)
         if _link_above(folder, folder / f"{prefix}_"):
@@ -213,7 +223,11 @@ class DirectoryStore:
 
     @contextmanager
     def _opened(self, bucket: str, key: str) -> Generator[tuple[BinaryIO, ObjectInfo]]:
-        """Opens an object; reads give one version of it, also when another one takes its name meanwhile."""
+        """Opens an object for reading inside the `with` block, and yields its content and what is known of it.
+
+        Reads give one version of it, also when another one takes its name meanwhile. Raises `ObjectNotFoundError` if
+        there is none, or if a symbolic link leads to it.
+        """
         path = self._path(bucket, key)
         with os_failures(f"read {bucket}/{key}"):
             try:
@@ -256,7 +270,11 @@ class DirectoryStore:
             temporary.unlink(missing_ok=True)
 
     def _name(self, temporary: Path, info: ObjectInfo, *, create_only: bool) -> None:
-        """Renames a written temporary file to the object's name atomically."""
+        """Gives a written temporary file the object's name atomically, so that readers never see half of it.
+
+        Raises `ObjectExistsError` if `create_only` is set and the object exists, and `StorageError` if the key is the
+        folder of other objects, or their object.
+        """
         bucket, key = info.bucket, info.key
         path = self._root / bucket / key
         for _ in range(_RACES):
@@ -292,7 +310,10 @@ class DirectoryStore:
 
 
 def _keys(folder: Path, prefix: str) -> Iterator[str]:
-    """Yields the keys of all regular files below a folder that start with the prefix, in UTF-8 byte order."""
+    """Yields the keys of all regular files below a folder that start with the prefix, in UTF-8 byte order.
+
+    Symbolic links are left out, and a folder that does not exist yields nothing.
+    """
     start, _, beginning = prefix.rpartition("/")
     start = f"{start}/" if start else ""
     try:

@@ -205,7 +205,19 @@ class ObjectStore(Protocol):
 def put_each(
     store: ObjectStore, bucket: str, files: dict[str, Path], stopped: Stopped, tell: Tell, workers: int = WORKERS
 ) -> list[ObjectInfo]:
-    """Uploads many files one by one, several concurrently; see `ObjectStore.put_files`."""
+    """Uploads many files one by one, several concurrently, and returns the stored objects in the order of the files.
+
+    Args:
+        store: The object store.
+        bucket: The bucket.
+        files: The files, by the key that each gets.
+        stopped: Returns whether to stop; an upload that is stopped raises an error.
+        tell: Called with the key of each stored file, from several threads.
+        workers: Number of files that are uploaded at once.
+
+    Raises:
+        StorageError: A file could not be stored; others may be.
+    """
 
     def put(item: tuple[str, Path]) -> ObjectInfo:
         info = store.put_file(bucket, *item, stopped=stopped)

@@ -45,7 +45,12 @@ def os_failures(doing: str) -> Generator[None]:
 
 
 def from_os_error(error: OSError, doing: str) -> StorageError:
-    """Makes the `StorageError` for an `OSError`."""
+    """Returns the `StorageError` for an `OSError`, without raising it: disk full, folder away, access denied, other.
+
+    Args:
+        error: Error of the operating system.
+        doing: Action that failed, such as `read a/b`, for the message.
+    """
     why = error.strerror or str(error)
     where = f" ({error.filename})" if error.filename else ""
     kind = StorageError

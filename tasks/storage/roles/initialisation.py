@@ -213,7 +213,10 @@ def _users_of(endpoint: str, region: str, environ: Mapping[str, str]) -> _Users:
 
 
 def _server_name(endpoint: str, region: str, environ: Mapping[str, str]) -> str:
-    """Returns the server's name in the header `Server`, also if it refuses the request."""
+    """Returns the name that an S3 server gives itself in the header `Server`, also if it refuses the request.
+
+    The name is empty if the answer has no such header. Raises `StorageError` if the server does not answer.
+    """
     from botocore.exceptions import BotoCoreError, ClientError
 
     from ..s3.failures import from_client_error

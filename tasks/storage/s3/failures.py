@@ -112,7 +112,12 @@ def s3_failures(doing: str, endpoint: str) -> Generator[None]:
 
 
 def from_client_error(error: Exception, beginning: str) -> StorageError:
-    """Makes the `StorageError` for an error of boto3."""
+    """Returns, without raising it, the `StorageError` of the right subclass for an error of boto3.
+
+    Args:
+        error: Error that boto3 raised.
+        beginning: Beginning of the message, such as `cannot read a/b`.
+    """
     if isinstance(error, ClientError):
         return _from_answer(error, beginning)
     if isinstance(error, RetriesExceededError):

@@ -206,7 +206,10 @@ class S3Store:
                 return self._put_large(bucket, key, path, stopped)
 
     def probe(self, bucket: str) -> None:
-        """Checks quickly, with one request, whether the S3 server answers at all."""
+        """Checks quickly, with one request, whether the S3 server answers at all; any answer counts.
+
+        Raises `StorageUnavailableError` if it does not answer; a missing bucket or a refusal is no error.
+        """
         check_bucket(bucket)
         try:
             with self._failures(f"look for the bucket {bucket}"):
@@ -217,7 +220,10 @@ class S3Store:
             return  # that was an answer
 
     def find_same(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo | None:
-        """Returns the stored object if it has the same content as a file already (by checksum), else `None`."""
+        """Returns the stored object if it already has the same content as a local file, by checksum.
+
+        Returns `None` if the object differs, does not exist, or may not be looked at.
+        """
         _check(bucket, key)
         refuse_stopped(stopped, bucket, key)
         with self._failures(f"compare {path} with {bucket}/{key}"):
@@ -249,7 +255,11 @@ class S3Store:
             return self._put(bucket, key, data, create_only=create_only)
 
     def get_file(self, bucket: str, key: str, path: Path) -> ObjectInfo:
-        """Downloads an object to a file, which appears only when complete and its checksum is right."""
+        """Downloads an object to a file, which appears only when complete and its checksum is right.
+
+        Raises `ObjectNotFoundError` if there is no such object, `ChecksumMismatchError` if the content is damaged, and
+        `StorageError` otherwise; no part of the file is then left.
+        """
         temporary = path.with_name(f".{uuid4().hex}.part")
         _check(bucket, key)
         with self._failures(f"fetch {bucket}/{key} into {path}"):
@@ -300,7 +310,7 @@ class S3Store:
             self._client.delete_object(Bucket=bucket, Key=key)
 
     def unfinished_uploads(self, bucket: str, before: datetime) -> Sequence[UnfinishedUpload]:
-        """Lists multipart uploads that began before a time and have not ended."""
+        """Lists the multipart uploads to a bucket that began before a time and have not ended."""
         check_bucket(bucket)
         with self._failures(f"list unfinished uploads to {bucket}"):
             pages = self._client.get_paginator("list_multipart_uploads").paginate(Bucket=bucket)
@@ -383,7 +393,11 @@ class S3Store:
             raise ObjectNotFoundError(f"there is no object {key!r} in bucket {bucket!r} at {self._endpoint}") from error
 
     def _fetch(self, bucket: str, key: str, target: BinaryIO) -> ObjectInfo:
-        """Downloads one version of an object; starts again if it is replaced or the connection breaks meanwhile."""
+        """Downloads one version of an object into an open file, and returns what is known of that version.
+
+        Starts again, from an empty file, if the object is replaced or the connection breaks meanwhile; raises the error
+        of the last attempt.
+        """
         for last in [False] * _RESTARTS + [True]:
             target.seek(0)
             target.truncate()
@@ -398,7 +412,11 @@ class S3Store:
         raise AssertionError("the last attempt returns or raises")
 
     def _receive(self, bucket: str, key: str, answer: "GetObjectOutputTypeDef", target: BinaryIO) -> None:
-        """Receives the object version of an answer: small ones at once, parts of large ones concurrently."""
+        """Writes the content of the object version that an answer describes to an open file, and checks its checksum.
+
+        Small objects are read from the answer itself; large ones are fetched as parts, concurrently. Raises
+        `ChecksumMismatchError` if the content is damaged.
+        """
         # Not `with answer["Body"]`: that gives the raw stream, which compares and translates nothing.
         with closing(answer["Body"]) as body:
             if answer["ContentLength"] < _LARGE_BYTES:
