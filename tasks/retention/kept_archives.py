@@ -49,7 +49,10 @@ def collect_archives(older_than: timedelta | None, besides: Set[str], service: S
 
 
 def _removed(archives: list[ObjectInfo], service: Service) -> str | None:
-    """Deletes archives, and returns the failure in words."""
+    """Deletes archives from the object store; returns the error as text if one cannot be deleted, else `None`.
+
+    The archives after that one stay. Raises `ServiceUnavailableException` if the catalog does not answer.
+    """
     try:
         for each in archives:
             service.store.delete(each.bucket, each.key)

@@ -174,7 +174,10 @@ def _thin(place: StoredPlace, service: Service) -> None:
 
 @contextmanager
 def _held(job: Resource, service: Service) -> Iterator[None]:
-    """Holds a job's lease inside the `with` block, so that no other process changes the job meanwhile."""
+    """Holds a job's lease inside the `with` block, so that no other process changes the job meanwhile.
+
+    Raises `StillInUse` if another process holds the lease. A job that no longer exists counts as held.
+    """
     owner = f"gc:{uuid.uuid4().hex}"
     try:
         claimed = service.catalog.claim(job.arn, owner, _LEASE_S)
@@ -190,7 +193,10 @@ def _held(job: Resource, service: Service) -> Iterator[None]:
 
 
 def job_places(job: Resource, service: Service) -> list[StoredPlace]:
-    """Lists the folders in the object store that a job's runs have written."""
+    """Lists the folders in the object store that the runs of a simulation job have written, including earlier runs.
+
+    Folders that belong to another job, whose results were reused, are left out; other kinds of job have none.
+    """
     if job.kind != JOB:
         return []
     document = SimulationJobDocument.of(job)
