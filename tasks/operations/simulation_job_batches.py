@@ -31,7 +31,11 @@ def perform_simulation_job_batch(arn: str, service: Service) -> None:
 
 @operation("StartSimulationJobBatch", perform=perform_simulation_job_batch)
 def start_simulation_job_batch(request: StartSimulationJobBatchRequest, service: Service) -> Answer:
-    """Handles `StartSimulationJobBatch`: stores a batch; its requests become jobs when the batch runs."""
+    """Handles `StartSimulationJobBatch`: stores a batch; its requests become jobs when the batch runs.
+
+    Returns the description of the new batch, or of the one that a request with the same client token has stored. A
+    limit that the request omits gets the default: the longest timeout, and this machine's number of jobs at once.
+    """
     _check_rooms(request, service)
     policy = request.batchPolicy.to_wire() if request.batchPolicy else {}
     batch = service.store_job(

@@ -34,7 +34,10 @@ KIND = "simulation-job"
 
 
 def perform_simulation_job(arn: str, service: Service) -> None:
-    """Runs a simulation job in a separate process, and uploads its outputs."""
+    """Waits for a slot of this machine, runs a simulation job in separate processes, and uploads its outputs.
+
+    Blocks until the job has ended, and reports its progress. A failed job raises no error: its status says so.
+    """
     run_step = step_runner()
 
     def has_to_end() -> bool:
@@ -115,7 +118,10 @@ def cancel_simulation_job(request: CancelSimulationJobRequest, service: Service)
 
 @operation("RestartSimulationJob")
 def restart_simulation_job(request: RestartSimulationJobRequest, service: Service) -> Answer:
-    """Handles `RestartSimulationJob`: restarts a running simulation job from the start."""
+    """Handles `RestartSimulationJob`: requests that a running simulation job starts again from the beginning.
+
+    Raises `InvalidParameterException` if the job is not running or is being cancelled.
+    """
     job = service.catalog.get(request.job, kind=KIND)
     _, is_to_be_cancelled = service.catalog.standing(request.job)
     if is_to_be_cancelled and not is_terminal(KIND, job.status):
@@ -160,7 +166,7 @@ def describe(job: Resource) -> dict[str, Any]:
 
 
 def summary(job: Resource) -> dict[str, Any]:
-    """Makes the members of a simulation job's entry in a list."""
+    """Returns the members of a simulation job's entry in the answer of `ListSimulationJobs`."""
     document = SimulationJobDocument.of(job)
     return {
         "arn": job.arn,
@@ -175,7 +181,10 @@ def summary(job: Resource) -> dict[str, Any]:
 
 
 def _with_defaults(role: ApplicationRole, document: SimulationJobDocument) -> list[dict[str, Any]] | None:
-    """Returns the application configurations as the service describes them: ARNs, and defaults of omitted members."""
+    """Returns a job's application configurations as the service describes them: ARNs, and defaults of omitted members.
+
+    Returns `None` if the job has no application of that role.
+    """
     configs: Sequence[Mapping[str, Any]] | None = document.request.get(f"{role}Applications")
     if not configs:
         return None

@@ -53,7 +53,7 @@ def _stored(request: CreateWorldGenerationJobRequest, token: ClientToken | None,
 
 @operation("DescribeWorldGenerationJob")
 def describe_world_generation_job(request: DescribeWorldGenerationJobRequest, service: Service) -> Answer:
-    """Handles `DescribeWorldGenerationJob`: returns the job with the worlds finished so far."""
+    """Handles `DescribeWorldGenerationJob`: returns the job, the worlds finished so far, and its failures by code."""
     job = service.catalog.get(request.job, kind=KIND)
     document = WorldGenerationJobDocument.of(job)
     worlds, plans = document.succeeded_worlds, document.plan_count

@@ -106,7 +106,10 @@ def _stored(request: CreateWorldTemplateRequest, token: ClientToken | None, serv
 
 @operation("UpdateWorldTemplate")
 def update_world_template(request: UpdateWorldTemplateRequest, service: Service) -> UpdateWorldTemplateResponse:
-    """Handles `UpdateWorldTemplate`: changes a template's name or body; existing jobs keep the old body."""
+    """Handles `UpdateWorldTemplate`: changes a template's name or body; existing jobs keep the old body.
+
+    A member that the request omits stays. Raises `ResourceNotFoundException` if there is no such template.
+    """
     service.catalog.get(request.template, kind=KIND)
     body: TemplateBody | None = None
     if request.templateBody is not None or request.templateLocation is not None:
@@ -148,7 +151,7 @@ def get_world_template_body(request: GetWorldTemplateBodyRequest, service: Servi
 
 @operation("ListWorldTemplates")
 def list_world_templates(request: ListWorldTemplatesRequest, service: Service) -> Answer:
-    """Handles `ListWorldTemplates`: lists templates, newest first."""
+    """Handles `ListWorldTemplates`: returns one page of templates, newest first, and a token for the next page."""
     page = page_of(request, KIND, service)
     summaries = [
         {

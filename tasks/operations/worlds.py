@@ -50,7 +50,11 @@ def batch_delete_worlds(request: BatchDeleteWorldsRequest, service: Service) -> 
 
 
 def _description(world: Resource, service: Service) -> str | None:
-    """Returns the world's description with the hash of its bundle; worlds of earlier releases may have none."""
+    """Returns the world's description as JSON text, with the hash of the world's bundle added as `contentHash`.
+
+    Returns `None` for a world of an earlier release that has no description. Raises `InternalServerException` if the
+    description cannot be read.
+    """
     document = WorldDocument.of(world)
     if document.bundle is None or document.description_key is None:
         return None
