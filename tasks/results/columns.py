@@ -77,7 +77,13 @@ def schema_of(axes: Mapping[str, bool], names: Names) -> "pa.Schema":
 
 
 def columns_of(row: TrialRow, names: Names, *, recorded: bool = False) -> dict[str, Any]:
-    """Converts a trial to the values of a table row, by column name."""
+    """Converts a trial to the values of a table row, by column name.
+
+    Args:
+        row: The trial.
+        names: Metrics and requirements that get columns of their own; others have none.
+        recorded: Whether a recording of the trial was kept.
+    """
     # Of several of one name, which an environment may report, the one that was missed by most.
     requirements = [each for each in reversed(_worst_first(row.requirements)) if each.name in names.requirements]
     return {

@@ -96,7 +96,10 @@ def of_table(name: str, results: ResultTable, *, errors_fail: bool = False) -> S
 
 
 def counts_by(results: ResultTable, column: str) -> dict[str, Counts]:
-    """Counts trials by the values of a text column (such as the world), in order of occurrence."""
+    """Counts a run's trials by outcome, for each value of a text column (such as the world), in order of occurrence.
+
+    Trials with an empty cell in the column are not counted.
+    """
     groups, names = results.codes(column)
     codes, outcomes = results.codes("outcome")
     here = groups >= 0

@@ -174,7 +174,11 @@ class ResultTable:
         return self.texts(_NAME if _NAME in self._all_names else "job")
 
     def codes(self, column: str) -> tuple[NDArray[np.int32], list[str]]:
-        """Returns a text column as integer codes (-1 for empty cells) and the list of distinct texts."""
+        """Returns a text column as integer codes, and the list of distinct texts that the codes number.
+
+        Returns:
+            Codes of all rows, shape (rows,), -1 for empty cells; and the texts, in which code 0 is the first.
+        """
         import pyarrow as pa
 
         found = self._column(column)
@@ -255,7 +259,7 @@ _UNKNOWN_OF_JOBS = dict.fromkeys(
 
 
 def _rows_of(jobs: Sequence[JobRecord]) -> "pa.Table":
-    """Makes the rows of jobs without trials, one for each job."""
+    """Returns a table with a row for each of some jobs without trials; columns that jobs do not know are empty."""
     import pyarrow as pa
 
     axes = {
@@ -296,7 +300,10 @@ def _rows_of(jobs: Sequence[JobRecord]) -> "pa.Table":
 
 
 def _of_trials(job: JobRecord, trials: "pa.Table") -> "pa.Table":
-    """Makes the rows of a job's trials, with the columns of the job added."""
+    """Returns the table of a job's trials, with columns for the job, its axes, and each trial's outcome and folder.
+
+    If the job was cancelled or has not ended, no trial was judged: all get that outcome.
+    """
     import pyarrow as pa
 
     count = trials.num_rows
@@ -319,7 +326,7 @@ def _of_trials(job: JobRecord, trials: "pa.Table") -> "pa.Table":
 
 
 def _of_one_type(tables: Sequence["pa.Table"]) -> list["pa.Table"]:
-    """Tables whose axes of one name have one type: text, where steps or jobs have numbers and texts."""
+    """Returns tables in which axes of the same name have one type: text, where some have numbers and some texts."""
     import pyarrow as pa
 
     types: dict[str, set[Any]] = {}
