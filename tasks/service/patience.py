@@ -74,7 +74,10 @@ class Patience:
     def _outlast(
         self, failure: StorageUnavailableError, probe: Callable[[], None], began: float, waits: "_Waits"
     ) -> None:
-        """Waits until the store answers a probe; raises the last failure when waiting is over."""
+        """Waits until the object store answers a probe, with pauses that grow to a maximum.
+
+        Raises the last `StorageUnavailableError` when the time is over or the caller wants to stop.
+        """
         while True:
             waited_s = self.clock() - began
             pause_s = min(_LONGEST_PAUSE_S, max(self.first_pause_s, waited_s / _PART_OF_WAIT))
@@ -208,7 +211,11 @@ class PatientStore(StoreOver):
     def put_files(
         self, bucket: str, files: dict[str, Path], *, stopped: Stopped = never, tell: Tell = tell_none
     ) -> list[ObjectInfo]:
-        """See `ObjectStore`."""
+        """Uploads files as `ObjectStore.put_files`, and repeats the upload while the object store is away.
+
+        A repetition leaves out files that were stored before; `tell` gets their keys too. Returns the stored objects in
+        the order of the files. Raises `StorageUnavailableError` when the time for waiting is over.
+        """
         stored: dict[str, ObjectInfo] = {}
         tries = 0
 

@@ -131,7 +131,10 @@ def find_by_id(wanted: str, kinds: Sequence[Kind], service: Service, besides: st
 
 
 def worlds_meant(wanted: str, service: Service) -> list[Resource]:
-    """Lists the worlds that a text may mean, newest first; of equal worlds of one name only the newest."""
+    """Lists the worlds that a text may mean, newest first: those with this ARN, id or its beginning, else this name.
+
+    Of worlds with the same content and name only the newest is listed. The list is empty if there is none.
+    """
     found = _by_arn_or_id(wanted, WORLD, service)
     if found:
         return found
@@ -209,7 +212,10 @@ def _with_label(wanted: str, kind: Kind, service: Service) -> Iterator[Resource]
 
 
 def _early_worlds(wanted: str, service: Service) -> list[Resource]:
-    """Worlds of early releases, which have no label: they are called as their template is called now."""
+    """Returns the worlds of early releases that have this name: their template's present name, and a number.
+
+    Such worlds have no label with their name. The list is empty if the text does not end in a number.
+    """
     template, _, number = wanted.rpartition(" ")
     if not template or not number.isdecimal():
         return []
@@ -242,7 +248,11 @@ def _names_in_latest_run(service: Service) -> list[str]:
 
 
 def _record_of(run: str, service: Service) -> RunRecord | None:
-    """Reads the record of a run; None: there is none, or it cannot be read, as `robomaker report` says."""
+    """Returns the record of the run with this id or beginning of an id; `latest` means the latest run that is no probe.
+
+    Returns `None` if there is none or it cannot be read. Raises `ConfigurationError` if the beginning fits several
+    runs.
+    """
     paths = sorted((service.settings.home / "runs").glob("*/run.json"), key=lambda path: path.stat().st_mtime)
     if run == _LATEST:
         records = filter(None, map(_read, reversed(paths)))

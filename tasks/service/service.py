@@ -111,7 +111,7 @@ def is_builtin(application: Resource) -> bool:
 
 
 def register_builtins(catalog: Catalog, settings: Settings) -> None:
-    """Adds the built-in applications to the catalog if they are missing."""
+    """Adds the built-in applications to the catalog if they are missing; existing ones are left as they are."""
     for name, (kind, definition) in BUILTINS.items():
         if catalog.find(kind, name) is not None:
             continue
