@@ -119,7 +119,10 @@ def remove_run(folder: Path) -> bool:
 
 
 def _free_shared_memory(folder: Path, notes: Sequence[ContainerNote], environment: Mapping[str, str]) -> list[str]:
-    """Deletes the shared memory of a run's containers; returns error texts for memory that cannot be deleted."""
+    """Deletes the shared memory of a run's containers, and returns an error text for each folder that stays.
+
+    Folders that root made in a container are given to this user by a container of the same image first.
+    """
     left, said = remove_shared_memory(folder), ""
     for note, place in product({note.image: note for note in notes}.values(), left):
         try:

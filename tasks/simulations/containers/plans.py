@@ -213,7 +213,7 @@ def check_gpu(container: Container, name: str) -> None:
 
 
 def _seeded_sandbox(engine: Engine, note: ContainerNote, run_environment: RunEnvironment) -> Sandbox:
-    """Makes folders for a container, filled with the image's content of them; any `USER` may write to them."""
+    """Creates a container's folders, filled with what the image has in them; any user may write to them."""
     sandbox = container_sandbox(run_environment.folder, note.role).create()
     sandbox.root.chmod(0o700)  # programs of an image that are root's stay out of the reach of other users
     folders = {path: sandbox.place(path) for path in (HOME, LOGS)}
@@ -274,7 +274,10 @@ def _agent_folder(run_environment: RunEnvironment) -> Path:
 
 
 def _container_variables(run_environment: RunEnvironment, drives: bool) -> dict[str, str]:
-    """Returns a container's environment variables, without those that name folders of this machine."""
+    """Returns the job's environment variables for a container, with paths as they are inside it.
+
+    Without a GPU in the job, GPUs are hidden.
+    """
     variables = {
         "AWS_ROBOMAKER_SIMULATION_JOB_ID": run_environment.plan.job_id,
         "AWS_ROBOMAKER_SIMULATION_JOB_ARN": run_environment.plan.job_arn,

@@ -78,7 +78,10 @@ def remove(folder: Path) -> None:
 
 
 def _unprotect_and_retry(function: object, path: str, problem: object) -> None:
-    """Makes the parent folder of a file that cannot be deleted writable, and deletes the file then."""
+    """Deletes a file or folder that could not be deleted, after making it and its parent folder writable.
+
+    A folder that still cannot be emptied stays, without an error.
+    """
     del function, problem
     target = Path(path)
     for folder in (target.parent, target):

@@ -146,7 +146,7 @@ def _config(settings: Settings, folder: PurePath, keys: Keys | None, *, path_sty
 
 
 def _process_answer(keys: Keys) -> dict[str, Any]:
-    """Returns the credentials as the JSON output of a `credential_process`."""
+    """Returns credentials in the form that AWS clients expect as JSON output of a `credential_process`."""
     answer: dict[str, Any] = {
         "Version": 1,
         "AccessKeyId": keys.access_key_id,

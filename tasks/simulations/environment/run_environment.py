@@ -148,7 +148,15 @@ def tool_plan(
     folder: Path,
     environment: Mapping[str, str],
 ) -> ProgramPlan:
-    """Makes the plan of a tool, a program beside an application."""
+    """Returns the plan of a tool: a program beside an application, by default started again whenever it ends.
+
+    Args:
+        role: Role of the application.
+        tool: The tool as the request describes it: `name`, and perhaps `exitBehavior`.
+        argv: Command line of the tool.
+        folder: Working folder of the tool.
+        environment: Environment variables of the tool.
+    """
     return ProgramPlan(
         name=f"{role}-{tool['name']}",
         role=role,

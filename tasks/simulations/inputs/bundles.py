@@ -155,7 +155,10 @@ def _copied(archive: Path, copy: Path, info: ObjectInfo) -> ObjectInfo:
 
 
 def _earlier_bundle(etag: str, role: str, keeper: Service) -> Path | None:
-    """The unpacked archive of an ETag, from this machine or from what is kept; `None`: it is nowhere."""
+    """Returns the folder with the unpacked archive of an ETag, from this machine's cache or from the kept archives.
+
+    Returns `None` if neither has it. Raises `LaunchError` if the kept archive cannot be unpacked.
+    """
 
     def fill(folder: Path) -> None:
         with tempfile.TemporaryDirectory(dir=keeper.folder("scratch")) as scratch:

@@ -58,7 +58,10 @@ def _walk(folder: int, path: str, below: str, glob: Glob, visit: Visit, depth: i
 
 @contextmanager
 def _opened_below(root: Path, path: str) -> Iterator[int | None]:
-    """Opens a folder below another one; yields `None` if it does not exist or a link is on the way."""
+    """Opens a folder below another one inside the `with` block, and yields its file descriptor.
+
+    Yields `None` if the folder does not exist or a symbolic link is on the way.
+    """
     folder: int | None = None
     for name in (str(root), *filter(None, path.split("/"))):
         above, folder = folder, None

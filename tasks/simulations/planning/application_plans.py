@@ -66,7 +66,10 @@ def with_ros_companions(
 
 
 def _with_services(programs: list[ProgramPlan], ros: RosLaunch, run_environment: RunEnvironment) -> list[ProgramPlan]:
-    """Adds the job's ROS services, if the job's ROS can run Python nodes; all programs find the message package."""
+    """Returns the programs, with the node of the job's ROS services added and its message package on their paths.
+
+    Returns the programs as they were if the job's ROS cannot run Python nodes.
+    """
     folder = run_environment.sandbox.root / FOLDER
     folder.mkdir(parents=True)
 
@@ -90,7 +93,7 @@ def _with_services(programs: list[ProgramPlan], ros: RosLaunch, run_environment:
 
 
 def _recorder_of_ros_1(ros: RosLaunch, run_environment: RunEnvironment) -> ProgramPlan | str:
-    """Returns the program that records all topics of a run's ROS 1, or why there is none."""
+    """Returns the plan of the program that records all topics of ROS 1, or the reason, as text, why there is none."""
     if ros.launch.launcher is None:
         return "no application is started by a launch file of ROS; record in the application, or in a tool of it"
     program = own_program(ros.code.folder, "rosbag") or run_environment.which("rosbag")
@@ -104,7 +107,10 @@ def _recorder_of_ros_1(ros: RosLaunch, run_environment: RunEnvironment) -> Progr
 def _companion(
     ros: RosLaunch, name: str, argv: Sequence[str], run_environment: RunEnvironment, variables: Mapping[str, str]
 ) -> ProgramPlan:
-    """Plans a helper program beside a ROS launch; its ROS logs are separate, as the application's are uploaded."""
+    """Returns the plan of a helper program beside a ROS launch, which is started again when it ends.
+
+    Its ROS logs are kept apart, as the application's are uploaded.
+    """
     logs: Path = run_environment.sandbox.place(f"{TEMPORARY}/{name}")
     return ProgramPlan(
         name=f"{ros.program.role}.{name}",  # a tool's name has a dash there
@@ -383,7 +389,17 @@ def _programs(
     run_environment: RunEnvironment,
     usual: Mapping[str, str],
 ) -> list[ProgramPlan]:
-    """Plans the application, if it is a program, and its tools, with default variables that it may override."""
+    """Returns the plans of the application, if it is a program and no factory function, and of its tools.
+
+    Makes the application's program file executable.
+
+    Args:
+        code: The application's code.
+        launch: Factory function or program that the launch configuration starts.
+        config: Application configuration of the request.
+        run_environment: Folders and variables of the run.
+        usual: Default environment variables, which the request may override.
+    """
     variables = config["launchConfig"].get("environmentVariables") or {}
     import_path = [str(code.folder)] if code.folder else []
     if inherited := variables.get("PYTHONPATH") or run_environment.environ.get("PYTHONPATH"):

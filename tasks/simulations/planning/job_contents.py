@@ -186,7 +186,10 @@ def changed_import(provenance: Provenance) -> str | None:
 
 
 def _content_of_application(application: Resource, service: Service) -> str:
-    """Returns the hash or ETag of an application's present content."""
+    """Returns a text that identifies an application's present content: an archive's ETag, an image's name, or a hash.
+
+    Raises `StorageError` if the archive cannot be looked at.
+    """
     document = ApplicationDocument.of(application)
     if document.sources:
         source = source_for_this_machine(document.sources)
@@ -200,7 +203,10 @@ def _content_of_application(application: Resource, service: Service) -> str:
 
 @cache
 def software_versions() -> Mapping[str, str]:
-    """Returns the versions of the packages that run simulations, and a hash of this package's code."""
+    """Returns the versions of Python and of the packages that run simulations, and a hash of this package's code.
+
+    The values are read once in a process.
+    """
     root = Path(__file__).parents[3]
     code = [digest_of_folder(root / part, ".py") for part in ("tasks/runtime", "schemas/runs")]
     return {
@@ -301,7 +307,10 @@ def _network_versions(request: Mapping[str, Any]) -> dict[str, str]:
 
 
 def package_content(name: str) -> str:
-    """Returns a hash of an installed package's files, or "built in"; empty if it is missing."""
+    """Returns a text that identifies an installed package's files: a hash, or "built in" for a part of this package.
+
+    The text is empty if the package is missing or cannot be read.
+    """
     if f"{name}.".startswith(f"{PACKAGE}."):
         return _BUILT_IN  # its code is in the version of this package
     try:
@@ -371,7 +380,7 @@ def _unknown(*contents: str | None) -> str | None:
 
 
 def _foreign_files(request: Mapping[str, Any], robot: str | None) -> str | None:
-    """Returns the reason why the robot's files may differ in another run, as they are not compared; else `None`."""
+    """Returns the reason why another run may use other robot files unnoticed, as they are not compared; else `None`."""
     given: dict[str, str] = {}
     for _, config in application_configs(request, _ROLES):
         given |= config["launchConfig"].get("environmentVariables") or {}

@@ -114,7 +114,10 @@ def check_pair(simulation: tuple[str, Factory | Program] | None, robot: tuple[st
 
 
 def _find_program(code: Code, name: str, which: Which) -> str:
-    """Finds the program that a command begins with: in the archive, then on the path."""
+    """Returns the path of the program that a command begins with: from the bundle, else from this machine's path.
+
+    Raises `LaunchError` if neither has it, or the bundle's file cannot be executed.
+    """
     if code.folder is not None and not name.startswith("/"):
         # As setups would put it on the path: what a later overlay has comes first.
         for overlay in [*reversed(overlays(code.folder)), code.folder]:
@@ -213,7 +216,10 @@ def _sourced(code: Code, setups: list[Path], argv: tuple[str, ...]) -> tuple[str
 
 
 def _script(code: Code, package: str, file: str, path: Path | None, python: str) -> Program:
-    """Plans a Python script: run as a module if its folder is a package, else as a file."""
+    """Plans the start of a Python script: as a module if it is in a package, else as a file.
+
+    Raises `LaunchError` if the bundle does not have the script.
+    """
     stem = file.removesuffix(".py")
     if code.folder is None:
         return Program((python, "-m", ".".join(part for part in (code.module, package, stem) if part)))
@@ -247,7 +253,10 @@ def _is_file_of(folder: Path, path: Path) -> bool:
 
 
 def _runnable(code: Code, path: Path) -> Path:
-    """Checks that a file is executable, or has a `#!` line: archives may lose executable bits."""
+    """Returns the path of a file after checking that it can be started: it is executable, or begins with `#!`.
+
+    Archives may lose executable bits. Raises `LaunchError` if the file has neither.
+    """
     if not os.access(path, os.X_OK):
         with path.open("rb") as content:
             if content.read(2) != b"#!":

@@ -250,7 +250,10 @@ def _live_view_port(request: Mapping[str, Any]) -> int | None:
 def _world_packages(
     request: Mapping[str, Any], sandbox: Sandbox, service: Service
 ) -> Callable[[], WorldPackages | None]:
-    """Returns a function that creates the ROS packages of the job's world when first called: many jobs need none."""
+    """Returns a function that creates the ROS packages of the job's world at its first call: many jobs need none.
+
+    The function returns `None` if the job has no world, and raises `LaunchError` if the world cannot be read.
+    """
 
     @cache
     def place() -> WorldPackages | None:
@@ -260,7 +263,10 @@ def _world_packages(
 
 
 def _of_world(request: Mapping[str, Any], service: Service, get: Callable[[Resource], _Found]) -> _Found | None:
-    """Applies a function to the world that a request names; `None`: it names none."""
+    """Calls a function with the world that a request names, and returns its result; `None` if the request names none.
+
+    Raises `LaunchError` if the world does not exist or is damaged, and `StorageUnavailableError` if the store is away.
+    """
     arn = world_arn(request)
     if arn is None:
         return None

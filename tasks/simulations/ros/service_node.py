@@ -46,7 +46,10 @@ SERVICES: dict[str, tuple[str, Callable[[Any], dict[str, Any]]]] = {
 
 
 def make(folder: str) -> int:
-    """Writes the definitions and Python modules of the job services' ROS message package."""
+    """Writes the ROS message package of the job's services (definitions and Python modules) into a folder.
+
+    Returns 0, or another number if a message could not be generated. Raises `ImportError` if ROS has no `rospy`.
+    """
     import_module("rospy")  # the node needs it; where it is missing, the package is of no use
     generator, inits = import_module("genpy.generator"), import_module("genpy.generate_initpy")
     share, modules = (Path(folder, part, PACKAGE) for part in ("share", "python"))
@@ -71,7 +74,7 @@ def find(_folder: str) -> int:
 
 
 def serve(folder: str) -> None:
-    """Runs the ROS 1 node that offers the job services."""
+    """Runs the ROS 1 node that offers the job's services (cancelling and tags) until ROS ends it."""
     rospy, srv = import_module("rospy"), import_module(f"{PACKAGE}.srv")
 
     def answering(operation: str, service: Any) -> Callable[[Any], Any]:
@@ -105,7 +108,10 @@ def answered(folder: str, operation: str, request: Any, response: Any) -> Any:
 
 
 def ask(folder: str, question: dict[str, Any]) -> dict[str, Any]:
-    """Sends a request to the job worker, and returns its answer or an error."""
+    """Sends a request to the job worker's socket in a folder, and returns the worker's answer, waiting up to 30 s.
+
+    If the worker does not answer, the answer says so, with `success` false; no error is raised.
+    """
     place = os.open(folder, os.O_PATH)
     try:
         with socket.socket(socket.AF_UNIX) as worker:
