@@ -149,7 +149,14 @@ class Slots:
         return None
 
     def _await_turn(self, should_stop: Callable[[], bool], place: int | None) -> None:
-        """Waits until all jobs before this one have had their turn, although more wait than there are slots."""
+        """Waits until all jobs that come before this one have had their turn to take a slot, so that the order is kept.
+
+        Returns early if `should_stop` says so. A job that does not come for a long time is left out of the order.
+
+        Args:
+            should_stop: Called while waiting.
+            place: Position of this job in the order; `None`: it does not wait.
+        """
         with self._changed:
             late_s = time.monotonic() + _TURN_TIMEOUT_S
             if place is not None:
@@ -167,7 +174,10 @@ class Slots:
             self._changed.notify_all()
 
     def _keep(self) -> None:
-        """Renews the slots' leases and follows changes of the limit, until the object is closed."""
+        """Renews the slots' leases at the Prefect server and follows changes of the limit, until the object is closed.
+
+        A failure is logged and tried again; this is the body of a thread.
+        """
         renewed_at = time.monotonic()
         while not self._closed.wait(self._look_s):
             try:

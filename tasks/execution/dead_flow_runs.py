@@ -359,7 +359,7 @@ def _open_parts(client: SyncPrefectClient, ours: FlowFilter) -> list[FlowRun]:
 
 
 def _parts_of(client: SyncPrefectClient, subflows: Collection[FlowRun], outer: FlowRunFilter) -> list[FlowRun]:
-    """Reads the subflow runs of the flow runs that a filter chooses."""
+    """Returns those of some subflow runs whose parent flow run a filter chooses, asking the Prefect server."""
     if not subflows:
         return []
     ids = [run.parent_task_run_id for run in subflows if run.parent_task_run_id]

@@ -85,7 +85,10 @@ class Item:
             return call_with_parameters(self.task.fn, parameters)
 
     def _may_retry(self, state: State[Any]) -> bool:
-        """Asks the task's `retry_condition_fn`; a condition that raises counts as no, as with Prefect."""
+        """Asks the task's `retry_condition_fn` whether a failed call may be repeated; true if there is no condition.
+
+        A condition that raises an error counts as no, as with Prefect; the error is logged.
+        """
         context = TaskRunContext.get()
         if (condition := self.task.retry_condition_fn) is None or context is None:
             return True
@@ -272,7 +275,7 @@ class _MapRun:
         self.ended = [pool.submit(self._run_item, item) for item in self._items]
 
     def as_task(self, task: Task[..., Any]) -> Task[..., Any]:
-        """Makes the Prefect task whose single run waits for all items."""
+        """Returns the Prefect task whose single run waits for all items; it has the mapped task's name and hooks."""
         name = f"{task.name} x {len(self._items)}"
         return Task(
             fn=self._wait,
@@ -321,7 +324,7 @@ def _state_of(ended: Ended) -> State[Any]:
 
 
 def _check(task: Task[..., Any]) -> None:
-    """Raises an error for a task with features that mapped items do not have."""
+    """Raises `ConfigurationError` if a task has features that mapped items do not have, such as cached results."""
     persists = should_persist_result() if task.persist_result is None else task.persist_result
     asked = {
         "a kept or cached result (persist_result=False keeps none)": persists,

@@ -134,7 +134,10 @@ def _say_crashed(flow_run: UUID, words: str) -> None:
 
 
 def _say_interrupted(flow_run: UUID) -> None:
-    """Sets a flow run's state: `Cancelled` if it is being cancelled, `Crashed` if its Prefect worker was stopped."""
+    """Sets a flow run's state: `Cancelled` if it is being cancelled, `Crashed` if its Prefect worker was stopped.
+
+    A Prefect server that does not answer is logged, and raises nothing.
+    """
     others = "other job workers go on with its jobs"
     try:
         with get_client(sync_client=True) as client:

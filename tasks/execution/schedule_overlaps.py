@@ -90,7 +90,10 @@ def give_way_to_earlier(continues: str | None = None) -> None:
 
 
 def _waiting_before(run: FlowRun, deployment: UUID, now: datetime) -> list[FlowRun]:
-    """Returns the waiting runs of the same deployment that were due before a run, and that a worker tries to start."""
+    """Returns the waiting runs of the same deployment that come before a run, and that a worker tries to start.
+
+    These were due earlier, or continue another run.
+    """
     tried = FlowRunFilterNextScheduledStartTime.model_validate({"after_": now - _GONE_AFTER})
     waits = FlowRunFilterState(name=FlowRunFilterStateName(any_=[_WAITS]))
     with asking_once() as client:

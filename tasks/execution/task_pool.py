@@ -186,7 +186,16 @@ def _flow_run() -> "UUID | None":
 
 
 def _set_name(before: str, after: str, run: "UUID", message: str | None = None) -> None:
-    """Renames the run's state, unless it has another state meanwhile, such as being cancelled."""
+    """Renames a flow or task run's state in Prefect, if it is still named `before`.
+
+    A Prefect server that does not answer is logged, and raises nothing.
+
+    Args:
+        before: Present name of the state.
+        after: New name; the state's type becomes running.
+        run: Id of the flow run.
+        message: Text of the state.
+    """
     import httpx
     from prefect.client.orchestration import get_client
     from prefect.exceptions import PrefectException

@@ -44,7 +44,13 @@ def why_not_retried(lease: Lease, service: Service) -> str | None:
 
 
 def fail_job(lease: Lease, reason: str, service: Service) -> None:
-    """Ends a job as failed (or canceled, if that was requested), and cancels a batch's jobs."""
+    """Sets a job's status to failed, or canceled if that was requested, and requests that a batch's jobs are cancelled.
+
+    Args:
+        lease: The right to change the job.
+        reason: Failure reason for the user.
+        service: The service, with its catalog and object store.
+    """
     transitions = LIFECYCLES[lease.job.kind].transitions
     own = _given_up(lease.job.kind)
     changes = FailureChanges(failure_code=_CODE if own is None else own.failure_code, failure_reason=reason)

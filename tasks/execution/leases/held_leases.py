@@ -61,7 +61,10 @@ def role_of(main: str, words: Sequence[str]) -> str:
 
 
 def died_here(owner: str) -> bool:
-    """Whether the owner of a job's lease (lock) was a process of this machine that has died."""
+    """Whether the owner of a job's lease (lock) was a process of this machine that has died.
+
+    False if the owner is of another machine, is alive, or cannot be read.
+    """
     host, _, rest = owner.partition(":")
     pid = rest.partition(":")[0]
     if host != socket.gethostname() or not pid.isdecimal():

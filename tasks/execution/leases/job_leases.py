@@ -38,7 +38,10 @@ class Lease:
 
     @contextmanager
     def renewed(self) -> Generator[None]:
-        """Renews the lease (lock of the job) in a thread inside the `with` block, and releases it at the end."""
+        """Renews the lease (lock of the job) in a thread inside the `with` block, and releases it at the end.
+
+        If the catalog is away at the end, that is logged, and the lease runs out by itself.
+        """
         renewer = threading.Thread(target=self._renew, name=f"lease of {self.job.arn}", daemon=True)
         renewer.start()
         try:
@@ -77,7 +80,10 @@ class Lease:
 
     @contextmanager
     def _noticing_loss(self) -> Generator[None]:
-        """Checks after a refused change whether the lease was lost, before any cleanup."""
+        """Checks after a refused change inside the `with` block whether the lease was lost, and marks it as lost then.
+
+        Raises `LeaseLostError` if it was, else the `StateConflictError` of the change.
+        """
         try:
             yield
         except StateConflictError as error:
