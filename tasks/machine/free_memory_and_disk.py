@@ -102,7 +102,10 @@ def _machine(proc: Path) -> Iterator[int]:
 
 
 def _groups(proc: Path, control_groups: Path) -> Iterator[int]:
-    """Yields the bytes of memory left in each limited control group, from this process's group up to the root."""
+    """Yields the bytes of memory left in each limited control group, from this process's group up to the root.
+
+    Yields nothing on a system without control groups.
+    """
     try:
         lines = (proc / "self" / "cgroup").read_text().splitlines()
     except OSError:

@@ -275,7 +275,13 @@ class MachineSlots:
         return None if wait.scarce == "slots" and only_own else wait
 
     def _see(self, name: str, wait: Wait | None, now_s: float) -> None:
-        """Adds up how long jobs wait, and reports that they wait, and why, once a wait has lasted long enough."""
+        """Adds up how long jobs wait, and tells the user once a wait has lasted long enough, or is over.
+
+        Args:
+            name: Name of the waiting job, for the text.
+            wait: Reason why it waits; `None`: nothing waits.
+            now_s: Present time, in seconds since 1970.
+        """
         self._times.see(wait and wait.scarce, now_s)
         if self._notices.is_due(wait, now_s) and wait is not None:
             text = f"{name} waits: {wait.text}"

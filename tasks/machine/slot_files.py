@@ -49,7 +49,7 @@ class SlotFiles:
         self._count = count
 
     def look(self) -> Slots:
-        """Finds out which slots are free, and which job holds each of the others."""
+        """Returns the numbers of the free slots, and the holders of the others; tries each slot's lock for a moment."""
         free: list[int] = []
         holders: list[Holder] = []
         for number in range(self._count):
@@ -66,7 +66,10 @@ class SlotFiles:
         return Slots(tuple(free), tuple(holders))
 
     def take(self, numbers: Iterable[int], holder: Holder) -> int | None:
-        """Locks one of the given slots; returns its file descriptor, or `None` if others were faster."""
+        """Locks one of the given slots and writes its holder into the lock file.
+
+        Returns the file descriptor, which holds the lock while it is open, or `None` if others were faster.
+        """
         for number in numbers:
             slot = self._open(number)
             try:
