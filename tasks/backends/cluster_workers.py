@@ -99,7 +99,10 @@ class Staffing:
 
     @property
     def words(self) -> str:
-        """Number and place of the batch's job workers: `2 job workers on the Dask cluster tcp://10.0.0.7:8786`."""
+        """Number and place of the batch's job workers as text for the user, with the reasons why there are no more.
+
+        An example is `2 job workers on the Dask cluster tcp://10.0.0.7:8786`.
+        """
         count = sum(machine.runs for machine in self._machines.values())
         if count:
             text = f"{count} job worker{'' if count == 1 else 's'} on {self._place}"

@@ -48,7 +48,10 @@ class _DaskBackend:
 
     @contextmanager
     def job_workers(self, batch: str, wanted: int) -> Generator[ClusterWorkers]:
-        """Starts job workers for a batch on the Dask cluster inside a `with` block."""
+        """Starts job workers for a batch on the Dask cluster inside the `with` block, and ends them after it.
+
+        Raises `BackendError` if the cluster cannot be used.
+        """
         from distributed import Client
 
         self.check()
@@ -119,7 +122,10 @@ class _Task:
         self._address = address
 
     def ended(self) -> Ended | None:
-        """Returns how the job worker, or its Dask worker, ended; `None` if it has not."""
+        """Returns how the job worker, or its Dask worker, ended; `None` if it has not.
+
+        A task that waits for a Dask worker that is gone is cancelled.
+        """
         if self.future.status == "finished":
             return Ended(*self.future.result())
         if self.future.status == "error":

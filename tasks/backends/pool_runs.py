@@ -201,7 +201,10 @@ class PoolRuns:
         return found.id
 
     def _room(self) -> tuple[int, str]:
-        """Returns the number of job workers to run, and a note for the user about what limits it."""
+        """Returns the number of job workers to run, and a note for the user about what limits it (empty: nothing).
+
+        Raises `BackendError` if there is no such work pool, or its number of machines is not known.
+        """
         try:
             pool = self._client.read_work_pool(self.pool)
             workers = self._client.read_workers_for_work_pool(self.pool, limit=_PAGE)
@@ -223,7 +226,11 @@ class PoolRuns:
         return min(limits), _trouble(pool, online)
 
     def _alive(self) -> list[FlowRun]:
-        """Returns the flow runs that have not ended, and records those that have."""
+        """Returns the job workers' flow runs that have not ended, and records those that ended since the last call.
+
+        A run that has been pending too long is set to crashed, as the Prefect worker that took it has died; it is
+        returned too.
+        """
         runs = self._runs()
         ended = {run.id for run in runs if run.state is None or run.state.is_final()}
         if self._ended is not None:  # else they ended before this process was there
@@ -249,7 +256,7 @@ class PoolRuns:
         _logger.warning("the job worker %s of %s ended before its batch: %s", run.name, self.tag, self._last_end)
 
     def _runs(self) -> list[FlowRun]:
-        """Returns the newest flow runs of the batch's job workers."""
+        """Returns the newest flow runs of the batch's job workers from the Prefect server, at most a page of them."""
         assert self._deployment is not None
         return self._client.read_flow_runs(
             flow_run_filter=FlowRunFilter(
