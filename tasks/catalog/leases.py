@@ -160,7 +160,7 @@ class CatalogLeases(CatalogReader):
         return row[0], bool(row[1])
 
     def ownerships(self, arns: Iterable[str]) -> dict[str, Ownership]:
-        """Returns the owners of some jobs' leases, by ARN; jobs that do not exist are left out."""
+        """Returns who owns or owned the leases of some jobs, by the job's ARN; jobs that do not exist are left out."""
         wanted = sorted(set(arns))
         found: dict[str, Ownership] = {}
         with self._transaction(self._engine) as connection:

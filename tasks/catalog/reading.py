@@ -240,7 +240,7 @@ class CatalogReader:
             return tuple(resource_with(row, members) for row in connection.execute(query).mappings())
 
     def count(self) -> dict[str, dict[str, int]]:
-        """Counts all resources in the catalog, by kind and status."""
+        """Counts all resources in the catalog, by kind and then by status; absent ones are left out."""
         query = select(resources.c.kind, resources.c.status, func.count()).group_by(
             resources.c.kind, resources.c.status
         )

@@ -59,7 +59,7 @@ class Resource(NewResource):
         labels: Mapping[str, Sequence[str]] | None = None,
         document: Document | Mapping[str, Any] | None = None,
     ) -> NewResource:
-        """Makes a new resource to add to the catalog, which sets the times."""
+        """Returns a new resource for the catalog, which sets its times when it is added; omitted members are empty."""
         return NewResource(
             arn=arn,
             kind=kind,
