@@ -162,7 +162,7 @@ class _Check:
     buckets: set[str] = field(default_factory=set[str])
 
     def run(self) -> ConsistencyReport:
-        """Runs all checks of the catalog against the object store, mends findings if asked to, and returns the report."""
+        """Checks the whole catalog against the object store, mends findings if asked to, and returns the report."""
         self.buckets.add(self.service.settings.bucket)
         checked = [each for page in self._pages() for each in run_all(self._checked, page)]
         findings = [finding for _, _, found in checked for finding in found]
