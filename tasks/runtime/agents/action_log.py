@@ -150,7 +150,15 @@ def _checksum(count: int, first: int, content: bytes) -> int:
 
 
 def _read_chunk(file: BinaryIO, size: int, number: int) -> list[bytes] | None:
-    """Reads the actions of the chunk that begins with action `number`; None if no such complete chunk follows."""
+    """Reads the actions of the next chunk of an action log, which has to begin with action `number`.
+
+    Returns `None` if no complete, undamaged chunk with that number follows.
+
+    Args:
+        file: The log, open at the beginning of a chunk.
+        size: Length of an action in bytes.
+        number: Number of the first action of the chunk.
+    """
     packed = file.read(_CHUNK.size)
     if len(packed) < _CHUNK.size:
         return None
@@ -172,7 +180,13 @@ def _is_plausible(head: _Head, size: int) -> bool:
 
 
 def _restored(content: bytes, count: int, size: int) -> list[bytes] | None:
-    """Decompresses the actions of a chunk; None if the chunk is damaged."""
+    """Decompresses the actions of a chunk of an action log; returns `None` if the chunk is damaged.
+
+    Args:
+        content: The compressed chunk.
+        count: Number of its actions.
+        size: Length of an action in bytes.
+    """
     try:
         if zstandard.frame_content_size(content) != count * size:
             return None
@@ -246,7 +260,7 @@ class ActionLogWriter:
         self._file.close()
 
     def _pack(self) -> None:
-        """Replaces the uncompressed actions at the end of the file by one compressed chunk; a single one stays."""
+        """Replaces the uncompressed actions at the end of the log by one compressed chunk; a single action stays."""
         count = len(self._kept)
         if count == 1:
             self._settled.update(chunk_of(PLAIN, 1, self._first, self._kept[0]))
@@ -277,7 +291,10 @@ class ActionRecorder:
     """
 
     def __init__(self, path: Path, header: ActionLogHeader) -> None:
-        """Creates the action log of a run; see `ActionLogWriter`."""
+        """Creates the action log file of a run; see `ActionLogWriter`.
+
+        If the file cannot be created, the run goes on without an action log, and `error` says why.
+        """
         self._path = path
         self._writer: ActionLogWriter | None = None
         self.error: str | None = None

@@ -86,7 +86,10 @@ class FrameBuffer:
         return self._end - self._start
 
     def space(self) -> memoryview:
-        """Returns free buffer space to receive bytes into; the content returned by the last `next` becomes invalid."""
+        """Returns free buffer space to receive bytes into, at least as much as the rest of the next message needs.
+
+        The content that the last `next` returned becomes invalid.
+        """
         pending, needed = self.pending, HEADER.size
         if pending >= HEADER.size:
             needed += self._header()[0]
@@ -141,7 +144,10 @@ class ArraySpec:
     """Description of one array of an observation or action: path, type, shape and bounds."""
 
     def __init__(self, description: dict[str, Any]) -> None:
-        """Reads the simulation's description of an array."""
+        """Reads the simulation's description of an array: its path, type, shape, place in a message, and bounds.
+
+        Bounds are NumPy arrays if NumPy is installed.
+        """
         self.path: tuple[str | int, ...] = tuple(description["path"])
         """Keys and indices that lead to the array in nested observations; empty when the observation is this array."""
         self.name: str = description.get("description", "")
@@ -236,7 +242,7 @@ class _Layout:
 
 
 def _nested(items: list[tuple[tuple[str | int, ...], Any]]) -> Any:
-    """Builds nested dictionaries and lists from values and their paths (keys and indices)."""
+    """Builds nested dictionaries from values and their paths (keys and indices); an empty path gives the value."""
     root: dict[str | int, Any] = {}
     for path, value in items:
         if not path:
@@ -429,7 +435,7 @@ class Simulation:
             self._fill(0)
 
     def _receive_waiting(self) -> tuple[int, memoryview] | None:
-        """Returns the next message if it has already arrived, else `None`."""
+        """Returns the next message from the simulation if it has already arrived, else `None`; never waits."""
         message = self._frames.next()
         while message is None:
             try:

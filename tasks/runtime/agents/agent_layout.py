@@ -47,7 +47,7 @@ class ArrayField:
         return np.ndarray(self.shape, self.dtype, content, self.offset)
 
     def describe(self) -> dict[str, Any]:
-        """Returns the array's description for the handshake with the robot program."""
+        """Returns the array's description for the handshake with the robot program, without absent bounds and texts."""
         description = {
             "path": list(self.path),
             "dtype": self.dtype.name,

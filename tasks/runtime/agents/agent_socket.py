@@ -144,7 +144,7 @@ class AgentSocket:
                 return None
 
     def accept_waiting(self) -> socket.socket | None:
-        """Returns a waiting connection, or `None`; connections of other users are closed."""
+        """Returns a robot program's waiting connection, or `None` if none waits; closes connections of other users."""
         self._socket.setblocking(False)
         while True:
             try:

@@ -83,7 +83,10 @@ class RecordedRobot(Observer):
         return Findings(extra={"agent": {"mode": "recorded", "actions": self._taken}})
 
     def _end(self) -> Exception:
-        """Returns the exception that ends the rerun after the last recorded action, as the recorded run ended."""
+        """Returns the exception to raise after the last recorded action, so that the rerun ends as the run did.
+
+        That is `StopIteration` or `RunEnded`, or `RobotProgramError` if the recorded run failed there.
+        """
         if self._ended_by == "agent":
             return StopIteration()
         if self._ended_by is not None:

@@ -119,7 +119,7 @@ class RemoteAgent:
         return action
 
     def findings(self) -> Findings:
-        """Returns figures about the message exchange for the run's result."""
+        """Returns figures about the messages exchanged with the robot program for the run's result, and any warning."""
         about: dict[str, Any] = {
             "mode": self._hello.mode,
             "observations": self._number + 1,
@@ -133,7 +133,10 @@ class RemoteAgent:
         return Findings(extra={"agent": about}, notes=self._silence_warning())
 
     def _silence_warning(self) -> list[str]:
-        """Returns a warning if a robot in free mode sent no action for most of the run, as a hanging program does."""
+        """Returns a warning if a robot in free mode sent no action for most of the run, as a hanging program does.
+
+        The list is empty in other modes, and if the robot was not silent.
+        """
         observations = self._number + 1
         silent = self._number - self._acted_at
         if self._hello.mode != "free" or silent < max(_MIN_SILENT_STEPS, observations / 2):
@@ -339,7 +342,10 @@ class RemoteRobot(Observer):
         return drive
 
     def _refuse_late(self) -> None:
-        """Refuses robot programs that connect while ROS nodes drive, as a rerun could not repeat a change of driver."""
+        """Refuses and counts robot programs that connect while ROS nodes drive: a rerun could not repeat such a change.
+
+        Does nothing if it was called a moment ago, or if there is no socket.
+        """
         now_s = time.monotonic()
         if self._socket is None or now_s < self._refuses_again_s:
             return

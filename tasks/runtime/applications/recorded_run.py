@@ -172,7 +172,10 @@ class RecordedRun(dm_env.Environment):
         return specs.Array((0,), float)
 
     def run_result(self) -> EnvironmentReport:
-        """Returns the driven path, and the topics and method that measured it; the job's requirements judge the run."""
+        """Returns the driven path, and the topics and method that measured it; the job's requirements judge the run.
+
+        Ends the measurement, which checks what the recording did not have.
+        """
         self._measurements.finish(self._time_s, is_over=self._next is not None)
         seconds = f"{self._time_s:.1f} s"
         about = {"file": self._bag.path.name, "topics": self._heard, "time": "clock" if self._clock else "received"}
@@ -217,7 +220,10 @@ class RecordedRun(dm_env.Environment):
         return has_clock and self._sources.time != "received"
 
     def _advance(self) -> None:
-        """Reads one message ahead, and determines its time."""
+        """Reads one message of the recording ahead, and determines its time in the run, in seconds.
+
+        Clock messages are used up. Raises `RecordingFault` if time goes backwards on the clock's topic.
+        """
         message = self._next = next(self._messages, None)
         while message is not None and self._clock and message.topic == CLOCK:
             stamp = message.content.clock
@@ -236,7 +242,12 @@ class RecordedRun(dm_env.Environment):
         return (time_ns - self._bag.start_ns) / 1e9 - self._sources.start_s
 
     def _take_until(self, until_s: float, *, holds: bool = False) -> float:
-        """Takes messages up to a time, optionally holding back those without poses; returns the last one's time."""
+        """Takes the recording's messages up to a time; returns the time of the latest one, or the present time.
+
+        Args:
+            until_s: Time in the run, in seconds.
+            holds: Whether messages without poses are held back, to be taken later.
+        """
         last_s = self._time_s
         while self._next is not None and self._next_s <= until_s:
             message, time_s = self._next, self._next_s
@@ -250,7 +261,10 @@ class RecordedRun(dm_env.Environment):
         return last_s
 
     def _show(self, time_s: float) -> None:
-        """Moves the body to the robot's recorded position, and sets the physics' time."""
+        """Sets the physics' time in seconds, moves the body to the recorded pose, and adds that to the driven path.
+
+        If no pose is known yet, only the time is set.
+        """
         self._time_s = self._physics.data.time = max(0.0, time_s)
         pose = self._measurements.pose
         if pose is None or not math.isfinite(pose.position[0]):

@@ -76,7 +76,10 @@ class CommandGains:
         return self.whole == 1 and self.turn in (1, None)
 
     def scale(self, action: Any) -> Any:
-        """Multiplies a command by the factors; a command that is not numeric is returned unchanged."""
+        """Returns a robot command multiplied by the factors: one for all numbers, another for the turning of two.
+
+        A command that is not numeric is returned unchanged.
+        """
         try:
             values = np.array(action, np.float64)
         except (TypeError, ValueError):
@@ -126,7 +129,10 @@ class OdometryDrift(KeepsAttributes):
         self._last: tuple[float, float] | None = None
 
     def told(self, x: float, y: float, yaw: float) -> tuple[float, float, float]:
-        """Returns the pose that a robot is told that has moved on to a pose; to be called at each control step."""
+        """Returns the erroneous pose that odometry reports for a true pose; to be called at each control step.
+
+        The error grows at random with each metre driven. Positions are in metres, `yaw` is in radians.
+        """
         if self._std == 0.0:
             return x, y, yaw
         last, self._last = self._last or (x, y), (x, y)

@@ -193,7 +193,7 @@ class ModelRig:
         getattr(self._model, field)[where] = built if factor is None else built * factor
 
     def derive_constants(self) -> None:
-        """Computes the model's constants that depend on masses, on a copy, so that nothing else changes."""
+        """Sets the model's constants that depend on masses, computed on a copy, so that nothing else changes."""
         source = self._built
         if any(not np.array_equal(getattr(self._model, name), getattr(source, name)) for name in _OF_BODIES):
             source, data = self._scratch
@@ -242,7 +242,13 @@ class ModelRig:
 
 
 def _rub(model: mujoco.MjModel, robot: NDArray[np.bool_], floor: NDArray[np.bool_]) -> bool:
-    """Returns whether a geom of the robot and one of the floor can collide with friction."""
+    """Whether some geom of the robot and some geom of the floor can collide with friction.
+
+    Args:
+        model: The model.
+        robot: Geoms of the robot, shape (geoms,).
+        floor: Geoms of the floor, shape (geoms,).
+    """
 
     def kinds(geoms: NDArray[np.bool_]) -> set[tuple[int, int, int]]:
         columns = (model.geom_contype, model.geom_conaffinity, model.geom_condim)

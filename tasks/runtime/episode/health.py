@@ -144,7 +144,7 @@ class PhysicsHealth(Observer):
     # Looks
 
     def _bind(self, environment: Any) -> None:
-        """Caches constants of the environment's physics, which environments may replace."""
+        """Caches constants of the environment's physics, which it may replace: robot body, floor, warnings."""
         model, data = raw_physics(environment.physics)
         self._data = environment.physics.data
         self._raw = data

@@ -86,7 +86,10 @@ def load_judging_function(plan: RunPlan, rule: Rule[Any], attribute: str) -> Cal
 
 
 def _import_longest(parts: list[str], path: Path | None) -> tuple[ModuleType, list[str]]:
-    """Imports the longest leading part of a dotted path that is a module; returns it and the remaining names."""
+    """Imports the longest leading part of a dotted path that is a module; returns it and the remaining names.
+
+    At least one name remains. Raises `LoadError` if the package is missing or its import fails.
+    """
     module: ModuleType | None = None
     for count in range(1, len(parts)):
         name = ".".join(parts[:count])

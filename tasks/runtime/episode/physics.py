@@ -94,7 +94,7 @@ def radius_of(model: mujoco.MjModel, body: int) -> float:
 
 
 def _moved_body(model: mujoco.MjModel, actuator: int) -> int:
-    """Returns the body that an actuator acts on; 0 (the world) if it cannot be determined."""
+    """Returns the id of the body that an actuator acts on; 0 (the world) if it cannot be determined."""
     # As a plain number: an enumeration's member is not equal to one of numpy.
     kind, target = int(model.actuator_trntype[actuator]), int(model.actuator_trnid[actuator, 0])
     if kind in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT):
@@ -179,7 +179,10 @@ class ClearanceMeter:
         return None if other < 0 else (nearest, self._names[other])
 
     def _lower_bounds(self) -> NDArray[np.float64]:
-        """Returns lower bounds for the distance of each geom from the robot, from spheres and bounding boxes."""
+        """Returns lower bounds, in metres, for the distance of each other geom from the robot, shape (geoms,).
+
+        They are computed from spheres and bounding boxes, and are -inf for geoms that may penetrate the robot.
+        """
         positions = self._data.geom_xpos[self._robot]
         middle = (positions.min(axis=0) + positions.max(axis=0)) / 2
         radius = float((np.linalg.norm(positions - middle, axis=1) + self._radii).max())
@@ -239,7 +242,7 @@ class ContactForces:
         self._copy = mujoco.MjData(model) if is_stale else None
 
     def read(self) -> dict[str, float]:
-        """Returns the normal force in newtons of each object that touches the robot now, by name."""
+        """Returns the normal forces in newtons of the objects that touch the robot now, by name; may be empty."""
         pairs = self._data.contact.geom
         signature = pairs.tobytes()
         # The same few lists of pairs come again and again: wheels and a slide on the floor, what lies on what.

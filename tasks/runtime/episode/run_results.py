@@ -260,7 +260,11 @@ def _ended_at_its_goals(episode: Episode, added: Sequence[Requirement]) -> bool:
 
 
 def _switched_off(added: Sequence[Requirement], report: EnvironmentReport) -> list[Requirement]:
-    """Returns the job's requirements; one that only switches off a requirement of the environment is no error."""
+    """Returns the job's requirements, in which switching off a requirement of the environment is no error.
+
+    Such an entry gets the environment's finding and does not count; one whose name the environment does not have stays
+    an error, with a hint at similar names.
+    """
     own = {item.name: item for item in report.requirements}
     there = f"; it has {', '.join(own)}" if own else ""
     found: list[Requirement] = []
@@ -278,7 +282,15 @@ def _switched_off(added: Sequence[Requirement], report: EnvironmentReport) -> li
 
 
 def _without(report: EnvironmentReport, replaced: Set[str], off: Set[str]) -> tuple[Verdict, list[Requirement]]:
-    """Returns the environment's verdict and requirements, without those that the job replaces or switches off."""
+    """Returns the environment's verdict and requirements, without those that the job replaces or switches off.
+
+    A failure that only replaced requirements caused becomes PASS; PASS becomes NONE if all requirements are off.
+
+    Args:
+        report: Result of the environment.
+        replaced: Names of requirements that the job replaces or switches off.
+        off: Names of those that it switches off.
+    """
     kept = [item for item in report.requirements if item.name not in replaced]
     missed = [item for item in report.requirements if not item.satisfied]
     if report.verdict == "FAIL" and missed and all(item.name in replaced for item in missed):
@@ -291,7 +303,14 @@ def _without(report: EnvironmentReport, replaced: Set[str], off: Set[str]) -> tu
 
 
 def _summary(report: EnvironmentReport, added: Sequence[Requirement], reached: bool, sim_time_s: float) -> str:
-    """Makes the run's summary: the environment's sentence, and the job's requirements that are not met."""
+    """Returns the run's summary: the environment's sentence, and the job's requirements that are off or not met.
+
+    Args:
+        report: Result of the environment.
+        added: Requirements of the job.
+        reached: Whether the run ended because all goals were reached; then only that is said.
+        sim_time_s: Simulated time at the end, in seconds.
+    """
     if reached:
         return f"Ended at {sim_time_s:.1f} s with all goals reached."
     missed = {item.name for item in report.requirements if not item.satisfied}

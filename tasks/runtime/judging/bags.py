@@ -247,7 +247,10 @@ class Bag:
             )
 
     def _types(self, connections: Collection[Connection]) -> Any:
-        """Returns the message definitions of some topics' types; other topics' definitions may be missing or wrong."""
+        """Returns the message definitions of some topics' types; other topics' definitions may be missing or wrong.
+
+        Raises `RecordingFault` if a definition cannot be read, or a type has none.
+        """
         types: dict[str, Any] = {}
         if any(each.msgdef.format == MessageDefinitionFormat.NONE for each in connections):
             types |= get_typestore(Stores.LATEST).fielddefs

@@ -31,7 +31,7 @@ def matrix_of(position: Any, orientation: Any) -> Matrix | None:
 
 
 def quaternion_of(matrix: Matrix) -> list[float]:
-    """Converts a transform matrix's orientation to a quaternion with w first, as MuJoCo has it."""
+    """Converts the orientation of a 4 × 4 transform matrix to a quaternion with w first, as MuJoCo has it."""
     m = matrix
     # By the largest of the four, so that nothing small is divided by: a turn of 180 degrees has w = 0.
     squares = np.array((
@@ -97,7 +97,10 @@ class FrameTree:
         return matrix
 
     def relative(self, base: str, frame: str) -> Matrix | None:
-        """Returns the pose of a frame relative to another; `None` if unknown."""
+        """Returns the pose of a frame relative to a base frame as a 4 × 4 matrix in metres.
+
+        Returns `None` if the two are not connected, or a pose between them is not known yet.
+        """
         above = [base]
         while above[-1] in self.parents and self.parents[above[-1]] not in above:
             above.append(self.parents[above[-1]])

@@ -82,7 +82,11 @@ class PosePairs:
         """True pose at the last estimate, or at the beginning of the requirement."""
 
     def of(self, estimates: Iterator[StampedPose], truths: Iterator[StampedPose]) -> Iterator[PosePair]:
-        """Yields the pairs in the order of the estimates."""
+        """Yields pairs of an estimated and the true pose at its time, in the order of the estimates.
+
+        The true pose is interpolated; an estimate without true poses on both sides in time is left out. The rule
+        becomes an error if the two have no common clock, or the estimates pause too long.
+        """
         first = next(estimates, None)
         ahead = [] if first is None else _until(first.time_s, truths)
         if first is not None and not self._has_one_clock(first, ahead):
@@ -118,7 +122,7 @@ class PosePairs:
         return False
 
     def _watch(self, truth: StampedPose) -> None:
-        """Makes the rule an error if the robot moved farther without an estimate than the allowed error."""
+        """Makes the rule an error if the robot moved farther than the allowed error in a long gap of the estimates."""
         if truth.time_s < self._asked.from_s:
             return
         since = self._since = truth if self._since is None else self._since

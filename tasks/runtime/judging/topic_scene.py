@@ -84,7 +84,12 @@ class Measurements:
         return topic == _TF or (self._topic_pose is not None and topic == self._topic_pose.source.name)
 
     def take(self, message: Message, time_s: float) -> None:
-        """Reads a message; before the beginning of the run, only poses are used."""
+        """Reads poses, lidar scans and contacts from a recorded message; before the run's beginning, only poses.
+
+        Args:
+            message: The message.
+            time_s: Time in the run, in seconds; negative before its beginning.
+        """
         topic = message.topic
         if topic == _TF:
             self._transforms.take(message, time_s, self._bag.path)
@@ -131,7 +136,10 @@ class Measurements:
                 rule.fail(f"{topic}: {self._losses[topic]}, so something could have been missed")
 
     def _finish_limits(self, end_s: float) -> None:
-        """Makes time limits errors if the recording ends before them without a sign that the run was over."""
+        """Makes time limits errors that the recording ends before (`end_s`, in seconds), unless the run was over.
+
+        Goals that are all reached say so, and so does `ends_with_run` in the sources.
+        """
         rules = {id(rule): rule for pose in self._poses.values() for source in pose.sources for rule in source.rules}
         goals = [rule.is_reached for rule in rules.values() if rule.is_reached is not None]
         if self.sources.ends_with_run or (goals and all(goals)):
@@ -148,7 +156,7 @@ class Measurements:
         self._read.append((rule, topic))
 
     def remarks(self) -> list[str]:
-        """Returns notes on how the run was measured, for readers of the verdict."""
+        """Returns notes for readers of the verdict on how the run was measured, such as frames that may drift."""
         found = list(self._contacts.remarks()) if self._contacts else []
         for each in self._paired:
             if each.frame and each.frame != self.sources.map_frame:
@@ -344,7 +352,10 @@ class Measurements:
 
     @cached_property
     def _chosen(self) -> tuple[Pose | None, str]:
-        """Returns the robot's pose, and the name of the frame in which it is given."""
+        """Returns the robot's pose, and the name of the frame in which it is given (empty: that of the topic).
+
+        The pose is `None` if the recording has no source for it.
+        """
         wanted, root = self.sources.pose, self.sources.map_frame
         if self._topic_pose is not None and wanted is not None:
             return self._topic_pose.pose, ""

@@ -86,7 +86,10 @@ class DiskMeter:
         """Largest files with their sizes, the smallest of them first."""
 
     def look(self) -> bool:
-        """Continues the measurement; returns whether the limit is exceeded."""
+        """Continues the measurement of the run's folders for a short time; returns whether their limit is exceeded.
+
+        Returns false at once if there is no limit, or the last call was a moment ago.
+        """
         now = self._clock()
         if self._limit_bytes is None or now < self._next_look_s:
             return False

@@ -134,7 +134,10 @@ def _size_of(about: os.stat_result) -> int:
 
 
 def _open(path: str, flags: int) -> int:
-    """Opens a folder; if this user's permissions on an own folder are missing, they are added."""
+    """Opens a folder and returns its file descriptor; missing permissions of this user on an own folder are added.
+
+    Raises `OSError` if it cannot be opened.
+    """
     place = _open_long_path(path, flags)
     try:
         try:
@@ -148,7 +151,10 @@ def _open(path: str, flags: int) -> int:
 
 
 def _open_long_path(path: str, flags: int) -> int:
-    """Opens a folder as a file descriptor, even if its path is too long for the kernel."""
+    """Opens a folder as a file descriptor for its place only, even if its path is too long for the kernel.
+
+    Raises `OSError` if it cannot be opened.
+    """
     try:
         return os.open(path, os.O_PATH | _FOLDER | flags)
     except OSError as error:

@@ -88,7 +88,11 @@ class Meter:
         self._scales = _Scales()
 
     def look(self) -> Excess | None:
-        """Measures, and returns the limit that is exceeded, if any."""
+        """Measures the processes, threads and memory of this process's descendants, and returns the exceeded limit.
+
+        Returns `None` if none is exceeded. Sets the time until the next measurement, shorter if many processes were
+        started.
+        """
         states = []
         count = 0
         limit = self._limits.processes
@@ -144,7 +148,11 @@ class _Scales:
         """Measured memory of the first processes in `_states`, in bytes."""
 
     def weigh(self, states: list[ProcessState]) -> Weighed | None:
-        """Returns the measured memory of processes, perhaps slightly outdated; `None` while it is unknown."""
+        """Returns measured processes and the memory of each in bytes, perhaps slightly outdated; `None` while unknown.
+
+        The exact measurement goes on in a thread; if it takes too long while processes are started, estimates are
+        returned.
+        """
         if self._thread is None:
             self._began_s = time.monotonic()
             self._states = sorted(states, key=lambda state: state.resident_bytes, reverse=True)

@@ -61,7 +61,7 @@ def come_first() -> None:
 
 
 def process_state(pid: int) -> ProcessState | None:
-    """Reads the state of a process; `None` if there is no such process."""
+    """Returns the state of a process (parent, threads, memory) from `/proc`; `None` if there is no such process."""
     try:
         text = Path(f"/proc/{pid}/stat").read_bytes()
     except OSError:
@@ -111,7 +111,7 @@ def written_bytes(pid: int) -> int:
 
 
 def children_of(pid: int) -> list[int]:
-    """Returns the ids of a process's direct children, zombies included."""
+    """Returns the ids of a process's direct children, zombies included; none if the process is gone or not readable."""
     try:
         threads = os.listdir(f"/proc/{pid}/task")  # noqa: PTH208 - a list of names, four times faster
         lists = [Path(f"/proc/{pid}/task/{thread}/children").read_bytes() for thread in threads]

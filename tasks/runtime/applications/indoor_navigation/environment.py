@@ -135,7 +135,11 @@ def _known_map(world_dir: Path) -> OccupancyMap | None:
 
 
 def _time_limit_s(text: str | None, world: World, robot: Robot) -> float:
-    """Returns the requested time limit, else about three times what the robot Scout needs, more for slower robots."""
+    """Returns the requested time limit in simulated seconds, or a default that grows with the world's rooms.
+
+    The default is about three times what the robot Scout needs, more for slower robots. Raises `LaunchError` if the
+    text is no number above 0.
+    """
     if text is None:
         rooms = world.floorplan.rooms
         slowness = max(1.0, SCOUT.limits.linear_mps / robot.limits.linear_mps)

@@ -169,7 +169,17 @@ class Faces:
         self._reaches = lengths[seen] / 2 + range_max_m
 
     def nearness(self, frame: Frame, fan: Fan) -> tuple[NDArray[np.intp], Floats]:
-        """Computes which rays hit the sides, and the inverse of their lengths in 1/m."""
+        """Computes which of a lidar's rays hit the sides of the outlines, and the inverse of their lengths in 1/m.
+
+        A ray that hits several sides occurs several times.
+
+        Args:
+            frame: Position and heading of the lidar.
+            fan: Its rays.
+
+        Returns:
+            Numbers of the rays, and as many inverse lengths.
+        """
         x, y = frame.origin.real, frame.origin.imag
         in_front = self._normals @ (x, y) > self._offsets
         in_range = np.abs(self._middles - frame.origin) < self._reaches
@@ -199,7 +209,13 @@ class Columns:
         self._circles = [(center.real, center.imag, radius_m, radius_m + range_max_m) for center, radius_m in rows]
 
     def shorten(self, distances: Floats, frame: Frame, fan: Fan) -> None:
-        """Shortens the rays of a lidar that hit the cylinders."""
+        """Shortens the rays of a lidar that hit the cylinders, in place.
+
+        Args:
+            distances: Lengths of the rays in metres, shape (rays,).
+            frame: Position and heading of the lidar.
+            fan: Its rays.
+        """
         x, y = frame.origin.real, frame.origin.imag
         for center_x, center_y, radius_m, reach_m in self._circles:
             if math.hypot(center_x - x, center_y - y) < reach_m:
@@ -317,7 +333,10 @@ class LevelScan:
         self._ask_about(np.flatnonzero(others))
 
     def measure(self) -> Floats | None:
-        """Measures distances in metres, one for each ray, infinite without a hit; `None` if the robot is tilted."""
+        """Measures the lidar's distances in metres, one for each ray, infinite without a hit within the range.
+
+        Returns `None` if the robot is tilted or lifted, as then only MuJoCo's ray casting is right.
+        """
         (xx, yx, zx), (xy, yy, zy), (xz, yz, zz) = self._rotation.tolist()
         x, y, z = self._position.tolist()
         h = self._height_m
@@ -332,7 +351,10 @@ class LevelScan:
         return distances
 
     def _ask_about(self, geoms: NDArray[np.intp]) -> None:
-        """Stores bounding spheres of the geoms that are left to MuJoCo's ray casting: fixed geoms, moving bodies."""
+        """Stores bounding spheres of the geoms that are left to MuJoCo's ray casting: fixed geoms, moving bodies.
+
+        Raises `ValueError` if one of them has no end, such as a plane.
+        """
         model = self._model
         if (model.geom_rbound[geoms] <= 0).any():
             raise ValueError("there are geoms without an end")
@@ -359,7 +381,13 @@ class LevelScan:
         self._model.geom_group[geoms[self._groups[model.geom_group[geoms]] > 0]] = _SEEN
 
     def _add_others(self, distances: Floats, frame: Frame, height_m: float) -> None:
-        """Shortens the rays that hit geoms outside the floor plan, with MuJoCo's ray casting."""
+        """Shortens the rays that hit geoms outside the floor plan, in place, with MuJoCo's ray casting.
+
+        Args:
+            distances: Lengths of the rays in metres, shape (rays,).
+            frame: Position and heading of the lidar.
+            height_m: Height of the lidar above the floor, in metres.
+        """
         x, y = frame.origin.real, frame.origin.imag
         middles = self._data.geom_xpos.take(self._middles, axis=0).tolist()
         parts: list[slice] = []
@@ -422,7 +450,7 @@ def _are_upright(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.bool_
 
 
 def _corners(model: mujoco.MjModel, data: mujoco.MjData, boxes: NDArray[np.intp]) -> NDArray[np.complex128]:
-    """Returns the corners of upright boxes from above, clockwise, shape (n, 4)."""
+    """Returns the corners of upright boxes as seen from above, in metres (x + iy), clockwise, shape (n, 4)."""
     corners = np.zeros((len(boxes), 4), np.complex128)
     for row, (geom, middle) in enumerate(zip(boxes.tolist(), _places(data, boxes).tolist(), strict=True)):
         axes = data.geom_xmat[geom].reshape(3, 3)

@@ -97,7 +97,7 @@ class NavigationTask(Task):
     # -- Called by dm_control ------------------------------------------------
 
     def initialize_episode(self, physics: ScenePhysics) -> None:
-        """Places the robot at the origin with a random heading, and resets the score."""
+        """Places the robot at the origin with a random heading, and resets its controller, sensors and score."""
         self._bind(physics)
         heading = self._rng.uniform(-math.pi, math.pi)
         self._base.place(heading)
@@ -153,7 +153,7 @@ class NavigationTask(Task):
         return float(self._newly_visited)
 
     def get_observation(self, physics: ScenePhysics) -> dict[str, NDArray[Any]]:
-        """Returns the robot's observation; see `observation_spec`."""
+        """Returns the robot's observation of the current step, an array for each name; see `observation_spec`."""
         del physics
         state = self._state
         observation = {
@@ -176,7 +176,11 @@ class NavigationTask(Task):
         return observation
 
     def get_termination(self, physics: ScenePhysics) -> float | None:
-        """Returns the discount 0 when the run is over, else `None`."""
+        """Returns the discount 0 when the run is over, else `None`.
+
+        It is over when the robot stands with all rooms visited, stands long after it has moved, has tipped over, or the
+        time limit is reached.
+        """
         del physics
         over = (
             (self.mission.all_visited and self._still_s >= _SETTLED_S)
@@ -191,7 +195,7 @@ class NavigationTask(Task):
         return self._robot.drive.action_spec(physics.model.ptr, self._robot.prefix)
 
     def observation_spec(self, physics: ScenePhysics) -> dict[str, specs.Array]:
-        """Returns names, shapes and units of the robot's observations."""
+        """Returns the shape, type and unit of each array in the robot's observation, by name."""
         rooms, joints = len(self._goals), len(self._robot.joints)
         observed = {
             "time": specs.Array((), np.float64, name="time: s"),
@@ -235,7 +239,11 @@ class NavigationTask(Task):
         }
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Restores the task's state from a checkpoint."""
+        """Restores the task's state from a checkpoint, once the physics have been restored.
+
+        Args:
+            state: Result of `state`, perhaps of an earlier release.
+        """
         for name, value in state["own"].items():
             setattr(self, name, value)
         self.mission.restore(state["mission"])
@@ -295,7 +303,7 @@ class NavigationTask(Task):
             )
 
     def _between_substeps(self) -> Callable[[], None]:
-        """Returns a function to call every 10 ms: it samples contacts, records states, and moves legs."""
+        """Returns a function to call every 10 ms: it samples contacts, and if needed records states and moves legs."""
         sample, move, record = self._monitor.sample, self._controller.substep, self._telemetry.sample
 
         def sample_and_record() -> None:

@@ -217,7 +217,13 @@ class Telemetry(KeepsAttributes):
         self._scans.add(self._recorder, time_s, ranges)
 
     def publish_reading(self, kind: type[SensorKind], time_s: float, numbers: Sequence[float]) -> None:
-        """Publishes a measurement of a sensor, if the kind of sensor has a topic."""
+        """Records a sensor's measurement as a ROS message; does nothing if the kind of sensor has no topic.
+
+        Args:
+            kind: Kind of the sensor.
+            time_s: Simulated time of the measurement, in seconds.
+            numbers: The measurement, in the kind's units.
+        """
         frame = self._frame_of(kind)
         if not kind.topic:
             return

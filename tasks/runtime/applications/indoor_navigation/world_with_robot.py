@@ -52,7 +52,10 @@ class ScenePhysics(Physics):
         return self._named
 
     def _reload_from_data(self, data: wrapper.MjData) -> None:
-        """Loads new data as dm_control does, but without building the name index, which takes most of the time."""
+        """Loads new data as dm_control does, but without building the name index, which takes most of the time.
+
+        Frees rendering contexts. A physics error after the reset is logged and not raised.
+        """
         self._data, self._named = data, None
         self._warnings = data.warning.number
         self._warnings_before = np.empty_like(self._warnings)

@@ -50,7 +50,14 @@ def plan_tour(distances: NDArray[np.float64]) -> list[int]:
 
 
 def _shortest(places: list[int], table: Table) -> list[int]:
-    """Computes the shortest open tour by dynamic programming over all sets of places."""
+    """Returns the places in the order of the shortest open tour from place 0, by dynamic programming over all sets.
+
+    Time and memory double with each place; longer tours use `_untangled`.
+
+    Args:
+        places: Places to visit, as indices of the table.
+        table: Path costs between places.
+    """
     if not places:
         return []
     # Length of the best tour through a set of places to the last of them, and that tour.
@@ -69,7 +76,14 @@ def _shortest(places: list[int], table: Table) -> list[int]:
 
 
 def _untangled(places: list[int], table: Table) -> list[int]:
-    """Computes a nearest-neighbour tour, then reverses stretches (2-opt) as long as that shortens it."""
+    """Returns the places in the order of a good open tour from place 0, which need not be the shortest.
+
+    It is a nearest-neighbour tour, of which stretches are reversed (2-opt) as long as that shortens it.
+
+    Args:
+        places: Places to visit, as indices of the table.
+        table: Path costs between places.
+    """
     left, tour = set(places), [0]
     while left:
         here = table[tour[-1]]
@@ -259,7 +273,10 @@ class Scout(KeepsAttributes):
         return order + [room for room in rooms if room not in order]
 
     def _set_out(self, pose: Pose, now_s: float) -> bool:
-        """Plans a path to the next reachable goal of the tour; returns whether a goal is left."""
+        """Plans a path to the next reachable goal of the tour, and follows it from now on.
+
+        Goals without a path are postponed or given up. Returns whether a goal is left.
+        """
         while self._queue:
             self._planner.set_obstacles(self._memory.points(now_s))
             goal = self._goals[self._queue[0]]
@@ -274,7 +291,7 @@ class Scout(KeepsAttributes):
         return False
 
     def _look(self, pose: Pose, observation: dict[str, NDArray[np.float32]], now_s: float) -> None:
-        """Slows down for unknown obstacles near the path, and plans again when one blocks it."""
+        """Slows the robot down for unknown obstacles near its path, and drops the path when one blocks it."""
         hits = near_hits(self._rays, observation["scan"], observation["proximity"])
         unknown = self._memory.see(pose, hits, now_s)
         self._speed_limit = max(_CREEPING_MPS, free_ahead(hits, self._limits.radius_m) / _CLOSING_S)
@@ -297,7 +314,10 @@ class Scout(KeepsAttributes):
         return now_s - self._anchor.time_s > _STUCK_S
 
     def _bump(self, pose: Pose, now_s: float) -> None:
-        """Assumes an obstacle in front of the robot, backs off and plans again."""
+        """Adds an obstacle in front of the robot to its memory, makes it back off, and drops its path, to plan again.
+
+        After several tries the goal is postponed or given up.
+        """
         x, y, yaw = pose
         arc, reach_m = yaw + _BUMP_ARC_RAD, self._limits.radius_m + _BUMP_MARGIN_M
         self._memory.add(np.stack((x + reach_m * np.cos(arc), y + reach_m * np.sin(arc)), axis=1), now_s)
