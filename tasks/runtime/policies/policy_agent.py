@@ -80,7 +80,10 @@ class PolicyAgent:
 
 
 def _callable(reference: PolicyReference, folder: Path | None, root: Path | None) -> Policy:
-    """Imports the callable that a policy names; a class is instantiated first."""
+    """Imports and returns the callable that a policy names; a class is instantiated first.
+
+    Raises `LoadError` if it cannot be imported, or the instance cannot be called.
+    """
     assert reference.attribute is not None
     try:
         if reference.module is not None:

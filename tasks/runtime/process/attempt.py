@@ -62,7 +62,12 @@ def log_failure(error: BaseException) -> None:
 
 
 def report_of(error: BaseException, progress: Progress) -> dict[str, Any]:
-    """Converts an error to the report that the supervisor receives."""
+    """Converts an error to the report that the supervisor receives: its text, the phase at fault, and its failure code.
+
+    Args:
+        error: Error that ended the run.
+        progress: Phase that the run had reached.
+    """
     faults = {RecordingError: Phase.FINISHING, RequirementError: Phase.JUDGING}
     phase = next((phase for kind, phase in faults.items() if isinstance(error, kind)), progress.phase)
     if isinstance(error, LaunchError) and error.failure_code.startswith("RobotApplication"):

@@ -75,7 +75,10 @@ class _StopSignal:
 
 
 def _take_on(run: RunRequest) -> None:
-    """Sets the process's folder, environment variables, import path and seeds for a run."""
+    """Makes this process that of a run: replaces its environment variables, folder, import path and random seeds.
+
+    If the run asks for it, also the clock and other sources of chance are held.
+    """
     os.environ.clear()
     os.environ.update(run.environment)
     os.chdir(run.plan.work_dir)
@@ -89,7 +92,11 @@ def _take_on(run: RunRequest) -> None:
 
 
 def _carry_out(run: RunRequest, progress: Progress, stop: _StopSignal) -> None:
-    """Runs the simulation from its last checkpoint if there is one, else from its start."""
+    """Runs the simulation, or its trials, from the last checkpoint if there is one, else from the start.
+
+    A checkpoint that cannot be used is deleted, and the run begins anew. Raises `RunTakenError` if another process runs
+    it.
+    """
     if run.plan.trials is not None:
         run_trials(run, progress, stop)
         return

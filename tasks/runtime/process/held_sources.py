@@ -101,7 +101,10 @@ class _Notes:
 
 
 def _watch_calls(notes):
-    """Notes threads, network, names that only one process can have, and files that outlive a program."""
+    """Notes, from now on, threads, network, names that only one process can have, and files that outlive a program.
+
+    Installs an audit hook, and replaces the functions that start threads.
+    """
     kept = (*_SHARED_FOLDERS, os.path.expanduser("~") + os.sep)
 
     def on_event(event, words):
@@ -137,7 +140,10 @@ def _noting_threads(begin, notes):
 
 
 def _replace_randomness(seed, code, notes):
-    """Replaces the system's randomness, also where Python seeds its generators with it; without a seed watches it."""
+    """Replaces the system's randomness by numbers drawn from a seed, also where Python seeds its generators with it.
+
+    Without a seed (`None`) it is only watched. Uses are noted.
+    """
     draw, unseeded = random.Random(seed).getrandbits, [0]
     system = os.urandom
 
@@ -171,7 +177,10 @@ def _replace_randomness(seed, code, notes):
 
 
 def _replace_devices(urandom, is_held):
-    """Replaces files that are the system's randomness."""
+    """Replaces `open`, so that files that are the system's randomness give bytes of `urandom` if it is held.
+
+    If it is not held, reading them is only noted.
+    """
     real = io.open
 
     def open_file(file, mode="r", *words, **named):
@@ -208,7 +217,10 @@ class _Clock:
         self._real_begin = self._real()
 
     def read(self, depth=2):
-        """Returns the nanoseconds since the clock began; None for code that sees the real clock."""
+        """Returns nanoseconds since the clock began, which grow with each look; None for code that sees the real clock.
+
+        That is code outside the application, and all code if the clock is not held. A look is noted.
+        """
         file = sys._getframe(depth).f_code.co_filename
         if not self._code.is_of_application(file):
             return None
@@ -227,7 +239,7 @@ class _Clock:
 
 
 def _replace_functions(clock):
-    """Replaces the functions of the module `time`."""
+    """Replaces the functions of the module `time`, so that the application's code sees the held clock."""
 
     def held(real, begin_ns, per_unit):
         def look(*which):
@@ -266,7 +278,7 @@ def _of_now(clock, real):
 
 
 def _replace_dates(clock):
-    """Replaces the classes of the module `datetime` that know what day it is."""
+    """Replaces the classes of the module `datetime` that know what day it is, so that they use the held clock."""
     date, moment = datetime.date, datetime.datetime
 
     class OfDates(type):
@@ -335,7 +347,10 @@ def _write(line):
 
 
 def _holds_hashes():
-    """Begins this program anew if its hashes or addresses are drawn by chance; false if that cannot be done."""
+    """Starts this program anew, with fixed hashes and addresses, if they are drawn by chance, and then does not return.
+
+    Returns true if both are fixed already. If the program cannot be started anew, returns whether hashes are fixed.
+    """
     is_fixed = sys.flags.hash_randomization == 0
     if is_fixed and not _fix_addresses():
         return True
@@ -350,7 +365,7 @@ def _holds_hashes():
 
 
 def _fix_addresses():
-    """Has programs that this process executes begin at the same addresses; false if they do already, or cannot."""
+    """Makes programs that this process executes begin at the same addresses; false if they do already, or cannot."""
     try:
         import ctypes
 
@@ -363,7 +378,7 @@ def _fix_addresses():
 
 
 def _make_room():
-    """Lets the `sitecustomize` be imported that this file has hidden, if there is one."""
+    """Imports the `sitecustomize` that this file has hidden, if there is one; else this file stays in its place."""
     here = os.path.dirname(os.path.abspath(__file__))
     kept, own = sys.path[:], sys.modules.pop("sitecustomize")
     sys.path[:] = [entry for entry in kept if os.path.abspath(entry or ".") != here]

@@ -52,7 +52,10 @@ class PathNote(Observer):
         self._due_s = clock() + _WRITE_EVERY_S
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Appends the robot's current position to the path file of the live view."""
+        """Notes the robot's current position for the live view's path file, which is written now and then.
+
+        Positions become rarer in long runs; without a robot body nothing is noted.
+        """
         self.next_time_s = time_s + self._period_s
         model, data = raw_physics(environment.physics)
         if model is not self._model:

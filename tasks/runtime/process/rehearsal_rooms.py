@@ -46,7 +46,7 @@ def remove_left_rooms() -> list[Path]:
 
 
 def _left() -> Iterator[Path]:
-    """Yields each warm-up folder whose process was killed, while holding its lock."""
+    """Yields each warm-up folder of this user whose process was killed, while holding its lock; skips those in use."""
     for left in sorted(Path(tempfile.gettempdir()).glob(f"{_PREFIX}*")):
         with suppress(OSError):  # it is in use, another user's, or has just been removed
             about = left.lstat()

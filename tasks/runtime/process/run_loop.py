@@ -27,7 +27,7 @@ class JointStateWatcher(Observer):
         self._series: StateSeries | None = None
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Records the positions, velocities and efforts of the model's hinge and slide joints."""
+        """Records the positions, velocities and efforts of the model's hinge and slide joints at the present time."""
         model, data = raw_physics(environment.physics)
         series = self._series
         if series is None or data is not series.data:
@@ -270,7 +270,10 @@ class _SimulatedClock:
         self._steps = 0
 
     def tick(self) -> None:
-        """Updates the simulated time, and calls the observers that are due."""
+        """Takes over the simulated time in seconds from the physics, and calls the observers that are due.
+
+        Without physics no observer is called.
+        """
         if not self._has_physics:
             if self._gives_states:
                 self._hear()

@@ -116,7 +116,11 @@ class TimelineRecorder(Observer):
         self.next_time_s, self._margins, self._violated, self._mute, self._logs, self._time_s = state
 
     def close(self, ended_by: str | None) -> Findings:
-        """Writes `timeline.json`; its margins end with those of the result."""
+        """Writes `timeline.json` into the output folder; returns no findings.
+
+        Args:
+            ended_by: Reason why the run ended; `None`: it was cut short, and its last margins are not judged.
+        """
         self._note_lengths(self._time_s)
         if ended_by is not None:
             self._note_judged()

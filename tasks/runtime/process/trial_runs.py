@@ -225,7 +225,7 @@ def _row(trial: Trial, result: RunResult, episode: Episode, digest: StateDigestS
 
 
 def _broken(trial: Trial, report: Mapping[str, Any]) -> TrialRow:
-    """Makes the result row of a trial that ended with an exception."""
+    """Returns the result row of a trial that ended with an exception: verdict ERROR, reason and failure code."""
     role = Phase(report["phase"]).role
     return TrialRow(
         trial=trial.number,
@@ -306,7 +306,11 @@ def _in_its_environment(run: RunRequest, trial: Trial, play: Callable[[], _Row])
 
 
 def _record_some(run: RunRequest, trials: Trials, tally: Tally, stop: Stop) -> None:
-    """Runs some trials again with a recording: the requested ones, and the first that did not pass."""
+    """Runs some trials again with a recording: the requested ones, and the first ones that did not pass.
+
+    Replaces the folders of these trials. Once the job has to stop, the others are left out, and a note in the outputs
+    says so.
+    """
     plan = run.plan
     failed = tally.first_failing[: trials.record_failed]
     if not plan.record and plan.video == "none":

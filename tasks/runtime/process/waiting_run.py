@@ -92,7 +92,16 @@ class WaitingRun:
 
 
 def _become_run(pipe: socket.socket, run_child: RunChild, progress: Progress, rehearse: Rehearse) -> NoReturn:
-    """Waits in the forked child for a request, then runs the simulation and exits."""
+    """Waits in the forked child for a request, then confines the process, runs the simulation, and ends the process.
+
+    The exit code is that of `run_child`, or 0 if the pipe is closed without a request.
+
+    Args:
+        pipe: Socket on which the request comes.
+        run_child: Runs the simulation, and returns the exit code.
+        progress: Phase that the run has reached.
+        rehearse: Warms the process up; its argument waits, in seconds, and returns whether the request has come.
+    """
     code = _INTERNAL_ERROR
     try:
         rehearse(lambda wait_s: bool(select.select([pipe], [], [], wait_s)[0]))

@@ -138,7 +138,7 @@ def transform_of(place: Any, turn: Any) -> ros.Transform:
 
 
 def _fixed_mount(model: mujoco.MjModel, camera: int, frames: Mapping[int, str]) -> Mount | None:
-    """Returns the ROS frame and pose of a camera with a rigid mount; None if the camera moves relative to its frame."""
+    """Returns the ROS frame and pose of a camera with a rigid mount; None if it moves relative to its frame."""
     if model.cam_mode[camera] != mujoco.mjtCamLight.mjCAMLIGHT_FIXED.value:
         return None
     # From the model's constants, so that it is the same whenever it is worked out.

@@ -112,7 +112,7 @@ def _plots(topics: Mapping[str, str]) -> list[Panel]:
 
 
 def _plot(title: str, paths: Mapping[str, str]) -> dict[str, Any]:
-    """Makes a Foxglove plot of message paths, by their labels."""
+    """Returns the description of a Foxglove plot of message paths, given by their labels."""
     lines = [
         {"value": path, "label": label, "enabled": True, "timestampMethod": "receiveTime", "color": colour}
         for (label, path), colour in zip(paths.items(), _COLOURS, strict=False)
@@ -140,7 +140,15 @@ def _stack(panels: Sequence[Panel], percentage: float | None = None) -> Any:
 
 
 def _split(parts: Sequence[Any], direction: str, percentage: float | None = None) -> Any:
-    """Arranges panels side by side or one below the other, in equal shares unless the first one's share is given."""
+    """Arranges panels side by side or one below the other, in equal shares unless the first one's share is given.
+
+    A single panel is returned as it is, and no panel is an empty text.
+
+    Args:
+        parts: The panels.
+        direction: `row` or `column`, as Foxglove has it.
+        percentage: Share of the first panel, in percent.
+    """
     if len(parts) < 2:
         return parts[0] if parts else ""
     return {

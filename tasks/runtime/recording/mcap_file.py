@@ -204,7 +204,7 @@ class McapFile:
             self._counts[channel] = self._counts.get(channel, 0) + len(column) // 2
 
     def state(self) -> dict[str, Any]:
-        """Writes pending messages, and returns the state to continue from in another process."""
+        """Writes pending messages to the file, and returns the state from which another process can continue it."""
         self.flush()
         return {
             "introductions": bytes(self._introductions),
@@ -240,7 +240,7 @@ class McapFile:
         return dict(self._counts), start_ns, end_ns
 
     def finish(self) -> None:
-        """Writes pending messages and the index section at the end of the file; the stream stays open."""
+        """Writes pending messages and the index section at the end of the MCAP file; the stream stays open."""
         self.flush()
         self._stream.write(_bytes_of(DataEnd(0)))
         start = self._stream.tell()

@@ -281,7 +281,7 @@ class McapRecorder(Recorder):
         return self._file.add_channel(topic, kind.ROS_TYPE, definition(kind.ROS_TYPE), metadata), kind
 
     def _write_companions(self) -> None:
-        """Writes the `metadata.yaml` that makes the folder a rosbag2, and the layout for Foxglove."""
+        """Writes two files beside the recording: `metadata.yaml`, which makes a rosbag2, and a layout for Foxglove."""
         counts, start_ns, end_ns = self._file.contents()
         self.topics = frozenset(topic for topic, (number, _) in self._channels.items() if counts.get(number, 0))
         topics = [

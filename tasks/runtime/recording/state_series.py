@@ -146,7 +146,11 @@ class StateSeries:
         recorder.flush_when_due(full=len(times) >= self._capacity)
 
     def take(self) -> tuple[Numbers, list[list[Numbers]]]:
-        """Returns the samples since the last call: times, and for each topic its numbers, a row for each time."""
+        """Returns the samples since the last call, and forgets them.
+
+        Returns:
+            Times in seconds, shape (samples,); and for each topic its arrays of numbers, each with a row for each time.
+        """
         times, self._times = self._times, []
         samples, self._samples = self._samples, ([], [], [])
         # A signal may have interrupted the last sample.
@@ -210,7 +214,15 @@ def _planar_motion(positions: Numbers, velocities: Numbers) -> tuple[Numbers, Nu
 
 
 def _turned_back(quaternion: Any, vector: Any) -> Any:
-    """Rotates world vectors into frames with given orientations (x, y, z, w); single vectors, or rows."""
+    """Rotates world vectors into frames with given orientations; works for single vectors and for arrays.
+
+    Args:
+        quaternion: Orientations x, y, z, w: four numbers or arrays.
+        vector: Vectors: three numbers or arrays.
+
+    Returns:
+        The rotated vectors: three numbers or arrays.
+    """
     x, y, z, w = -quaternion[0], -quaternion[1], -quaternion[2], quaternion[3]
     east, north, up = vector
     across = 2.0 * (y * up - z * north), 2.0 * (z * east - x * up), 2.0 * (x * north - y * east)

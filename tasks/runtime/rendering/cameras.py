@@ -23,7 +23,7 @@ class Relighting:
     """Changes the lights of rendered scenes to a chosen appearance (day, night, ...)."""
 
     def __init__(self, model: mujoco.MjModel, appearance: Appearance) -> None:
-        """Finds the model's lights and shiny materials."""
+        """Finds the model's lights and shiny materials that the appearance changes; the model itself stays as it is."""
         self._appearance = appearance
         self._colors: dict[int, Rgb] = {}
         for light in range(model.nlight):
@@ -38,7 +38,7 @@ class Relighting:
         }
 
     def light(self, scene: mujoco.MjvScene) -> None:
-        """Sets the lights of a rendered scene to the chosen appearance."""
+        """Sets the lights and shiny materials of a scene that is to be rendered to the chosen appearance, in place."""
         for light in scene.lights[: scene.nlight]:
             if light.headlight:
                 light.ambient[:], light.diffuse[:] = self._appearance.ambient, self._appearance.headlight
@@ -51,7 +51,10 @@ class Relighting:
 
     @contextmanager
     def sky(self, model: mujoco.MjModel) -> Iterator[None]:
-        """Replaces a model's sky inside the `with` block, while a renderer is created."""
+        """Replaces the pixels of a model's sky inside the `with` block, in which a renderer is to be created.
+
+        Does nothing if the appearance has no sky of its own, or the model has no sky.
+        """
         found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TEXTURE.value, _SKY)
         if self._appearance.sky is None or found < 0:
             yield
@@ -194,7 +197,16 @@ class GlCamera:
         self._renderer.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR.value
 
     def picture(self, data: mujoco.MjData, view: View, size: tuple[int, int] | None = None) -> Image:
-        """Renders a simulation state from a camera view; see `Camera`."""
+        """Renders a simulation state from a camera view as an RGB image; see `Camera`.
+
+        Args:
+            data: The state.
+            view: Camera view.
+            size: Width and height in pixels; absent: those of the camera.
+
+        Returns:
+            Colours from 0 to 255, shape (height, width, 3), the top row first.
+        """
         width, height = size or self._size
         self._see(data, view, width / height)
         if self._relighting is not None:
@@ -208,7 +220,7 @@ class GlCamera:
         return np.ascontiguousarray(pixels[::-1])  # OpenGL begins at the bottom
 
     def depths(self, data: mujoco.MjData, view: View) -> Depths:
-        """Renders a depth image of a camera view; see `Camera`."""
+        """Renders a depth image of a camera view in metres, shape (height, width), infinite at the sky; see `Camera`."""
         width, height = self._size
         self._see(data, view, width / height)
         before = self._scene.flags.copy()

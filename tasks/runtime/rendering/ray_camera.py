@@ -99,7 +99,13 @@ class RayCamera:
     def _aimed(
         self, data: mujoco.MjData, view: View, shape: tuple[int, int]
     ) -> Iterator[tuple[_Vectors, _Vectors, "_Buffers", int]]:
-        """Yields camera position, rays, buffers and the body around the camera, while back faces are hidden."""
+        """Yields the camera's position, rays, buffers and the body around the camera, while back faces are hidden.
+
+        Args:
+            data: The state.
+            view: Camera view.
+            shape: Height and width of the image in pixels.
+        """
         no_category = 0  # the scene's camera is all that is wanted
         mujoco.mjv_updateScene(self._model, data, self._option, None, view(data), no_category, self._scene)
         if shape not in self._buffers:
@@ -116,7 +122,19 @@ class RayCamera:
     def _hit(
         self, data: mujoco.MjData, eye: _Vectors, rays: _Vectors, buffers: "_Buffers", pixels: _Pixels, housing: int
     ) -> _Vectors:
-        """Finds the geoms at some pixels; returns the distances along their rays in metres, -1 without a hit."""
+        """Finds the geoms at some pixels and stores them in the buffers, with the surfaces' normals.
+
+        Args:
+            data: The state.
+            eye: Position of the camera in metres.
+            rays: Unit vectors of all pixels, shape (pixels, 3).
+            buffers: Geoms and normals of the image.
+            pixels: Numbers of the pixels to cast, shape (n,).
+            housing: Body around the camera, which is not seen.
+
+        Returns:
+            Distances along their rays in metres, shape (n,), -1 without a hit.
+        """
         away_m = np.zeros(len(pixels))
         if not len(pixels):
             return away_m
@@ -171,7 +189,7 @@ class _Buffers:
         self._in_grid[self.grid] = True
 
     def directions(self, window: _Window) -> _Vectors:
-        """Returns unit vectors through the pixels as (forward, up, right), row by row from the top."""
+        """Returns unit vectors through the pixels as (forward, up, right), shape (pixels, 3), by rows from the top."""
         if window != self._window:
             height, width = self._shape
             rays = np.ones((height, width, 3))
@@ -183,7 +201,7 @@ class _Buffers:
         return self._directions
 
     def between(self) -> _Pixels:
-        """Fills grid cells whose corners see one flat surface; returns the pixels that remain to be cast."""
+        """Fills grid cells whose corners see one flat surface; returns the numbers of the pixels still to be cast."""
         geoms = self.geoms[self.grid].reshape(self._grid_shape)
         normals = self.normals[self.grid].reshape(*self._grid_shape, 3)
         first, first_normal = geoms[:-1, :-1], normals[:-1, :-1]

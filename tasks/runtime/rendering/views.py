@@ -159,7 +159,10 @@ class FollowView:
         return self._heading_deg
 
     def _free_stand(self, data: mujoco.MjData) -> tuple[float, float]:
-        """Chooses elevation and distance: the flattest free view from the full distance, else the farthest free one."""
+        """Returns the elevation in degrees and the distance in metres from which the camera sees the robot freely.
+
+        That is the flattest free view from the full distance, else the one with the farthest free distance.
+        """
         best = (self._elevation_deg, 0.0)
         elevation_deg = self._elevation_deg
         while elevation_deg >= min(_STEEPEST_DEG, self._elevation_deg):
@@ -227,7 +230,10 @@ class TopView:
 
 
 def fixed_extent(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[_Vector, _Vector] | None:
-    """Returns the corners of the visible fixed geometry's bounding box; `None` if there is only a floor."""
+    """Returns the lower and upper corners, in metres, of the visible fixed geometry's bounding box.
+
+    Returns `None` if there is only a floor.
+    """
     solid = model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE.value
     fixed = model.body_weldid[model.geom_bodyid] == 0
     shown = SHOWN_GROUPS[np.clip(model.geom_group, 0, 5)].astype(bool) & (model.geom_rgba[:, 3] > 0)

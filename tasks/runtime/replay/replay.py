@@ -87,7 +87,12 @@ def without_robot(plan: RunPlan) -> RunPlan:
 
 
 def why_not_comparable(one: MachineFacts, other: MachineFacts) -> list[str]:
-    """Lists differences of two machines that can change the last bit of a number."""
+    """Lists differences of two machines that can change the last bit of a number; empty if there are none.
+
+    Args:
+        one: Machine of the run.
+        other: This machine.
+    """
     reasons = [
         f"{words} is {getattr(one, name)} there and {getattr(other, name)} here"
         for name, words in _FACTS.items()
@@ -105,7 +110,12 @@ def why_not_comparable(one: MachineFacts, other: MachineFacts) -> list[str]:
 
 
 def why_other_inputs(one: Provenance, other: Provenance) -> list[str]:
-    """Lists inputs of a rerun that differ from the run's: world, applications, seed."""
+    """Lists the inputs of a rerun that differ from the run's: world, applications, images, seed; empty if none does.
+
+    Args:
+        one: Provenance of the run.
+        other: Provenance of the rerun.
+    """
     there = {each.role: each.sha256 for each in one.applications}
     reasons = [
         f"the {each.role} application {each.name} is not what it was"
@@ -288,7 +298,14 @@ def _name_joint(
     names: JointNames,
     from_s: float,
 ) -> Divergence | None:
-    """Names the joint that differs most in the first kept state that differs."""
+    """Names the joint that differs most in the first kept state that differs; `None` if no state does.
+
+    Args:
+        one: States of the run, each with its time in seconds first.
+        other: States of the rerun.
+        names: Names of the joints.
+        from_s: Time from which on states are compared, in seconds.
+    """
     for state, again in zip(one, other, strict=False):
         if state[0] < from_s or len(state) != len(again) or state[0] != again[0]:
             continue

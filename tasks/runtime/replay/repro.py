@@ -227,7 +227,7 @@ def _in_docstring(text: str) -> str:
 
 
 def _copied(plan: RunPlan, folder: Path) -> RunPlan:
-    """Copies the files that a plan names; returns the plan with paths inside the folder."""
+    """Copies the files that a run plan names into a folder, and returns the plan with paths relative to that folder."""
     places: dict[Path, Path] = {}
 
     def copy(source: Path | None, name: str) -> Path | None:

@@ -157,7 +157,10 @@ class RequirementsObserver(Observer):
                 rule.is_there = rule.asked.name in names
 
     def _bind(self, environment: Any) -> None:
-        """Binds the rules to the environment's model, which environments may replace."""
+        """Binds the rules to the environment's model, which environments may replace.
+
+        If rules look within control steps, the environment is asked to call them there.
+        """
         self._model, self._data = raw_physics(environment.physics)
         make_scene = getattr(environment, "requirements_scene", None)  # of one that plays a recording
         if make_scene is None:
@@ -187,7 +190,10 @@ class RequirementsObserver(Observer):
 
 
 def _bound(rule: Rule[Any], scene: Any) -> Look:
-    """Binds a rule to a scene and returns its check; a rule that cannot be measured there becomes an error."""
+    """Binds a rule to a scene, and returns the function that checks it at a time in seconds.
+
+    A rule that cannot be measured there becomes an error, and its function does nothing.
+    """
     try:
         look = rule.bind(scene)
     except NotMeasuredError as error:

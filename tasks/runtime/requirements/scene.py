@@ -87,7 +87,7 @@ class Scene:
         return self.data.xquat[self._robot(rule)]
 
     def can_tilt(self, rule: Rule[Any]) -> bool:
-        """Returns whether a joint lets the robot's body tilt; hinges around the vertical do not."""
+        """Whether a joint lets the body of the rule's robot tilt; hinges around the vertical do not."""
         body = self._robot(rule)
         while body:
             first = self.model.body_jntadr[body]
@@ -105,7 +105,7 @@ class Scene:
         return floor_of(self.plan, rule)
 
     def can_rise(self, rule: Rule[Any]) -> bool:
-        """Returns whether a joint lets the robot's body change its height; vertical hinges and level slides do not."""
+        """Whether a joint lets the body of a rule's robot change its height; upright hinges and level slides do not."""
         body = self._robot(rule)
         while body:
             first = self.model.body_jntadr[body]

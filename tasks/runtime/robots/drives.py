@@ -90,7 +90,13 @@ class DifferentialDrive(VelocityDrive):
     """Factors from a wheel's speed (rad/s, forward positive) to the command of each actuator; absent: 1."""
 
     def bind(self, model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> Controller:
-        """Makes the controller of this drive in a compiled world; see `Drive`."""
+        """Returns the controller that turns the wheels of a robot with this drive in a compiled world; see `Drive`.
+
+        Args:
+            model: The world with the robot.
+            data: Its state, whose controls the controller sets.
+            prefix: Prefix of the robot's names in the model.
+        """
         control, radius_m, half_track_m = data.ctrl, self.wheel_radius_m, self.track_width_m / 2
         factors = self.directions or ((1.0,) * len(self.left), (1.0,) * len(self.right))
         left, right = (
@@ -127,7 +133,13 @@ class PlanarDrive(VelocityDrive):
     """
 
     def bind(self, model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> Controller:
-        """Makes the controller of this drive in a compiled world; see `Drive`."""
+        """Returns the controller that moves the base of a robot with this drive in a compiled world; see `Drive`.
+
+        Args:
+            model: The world with the robot.
+            data: Its state, whose controls the controller sets.
+            prefix: Prefix of the robot's names in the model.
+        """
         control = data.ctrl
         x, yaw = (int(model.actuator(f"{prefix}{name}").id) for name in (self.x, self.yaw))
         y = None if self.y is None else int(model.actuator(f"{prefix}{self.y}").id)
@@ -161,7 +173,11 @@ class RawController(KeepsAttributes):
         self._last = None
 
     def command(self, action: Action) -> bool:
-        """Applies actuator controls; see `Controller`. Unchanged controls tell the robot to stand still."""
+        """Sets the actuator controls, clipped to their ranges; see `Controller`.
+
+        Returns whether they are the same as before, which tells the robot to stand still. Raises `ActionError` if the
+        action is not an array of finite numbers of the right shape.
+        """
         wanted = self._spec.name
         try:
             values = np.asarray(action, np.float64)
@@ -232,7 +248,7 @@ def bind_base(robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> Base:
 
 
 def take_home_pose(robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Sets the joints to their home positions, and position servos to hold them."""
+    """Sets the robot's joints to their home positions, and all position servos of the model to hold their joints."""
     for name, value in robot.home.items():
         data.qpos[int(model.joint(f"{robot.prefix}{name}").qposadr[0])] = value
     for actuator in range(model.nu):

@@ -92,7 +92,7 @@ def find_robot(application: ApplicationPlan | None, variables: Mapping[str, str]
 
 
 def _why_it_has_none(application: ApplicationPlan, package: _Package | None) -> str:
-    """Returns the reason why an application has no robot model; names the file that was probably meant."""
+    """Returns the reason why a robot application has no robot model, as text with the file that was probably meant."""
     owner = f"the robot application {application.name}"
     if package is None:
         is_container = application.attribute is None and application.package is None
@@ -169,7 +169,10 @@ def _short_name(text: str) -> str:
 
 
 def _package_of(application: ApplicationPlan) -> _Package | None:
-    """Finds an application's files without importing it, as a failed import could not be attributed yet."""
+    """Finds an application's files without importing it, as a failed import could not be attributed yet.
+
+    Returns `None` if the application has no files of its own, or its package is not installed.
+    """
     module = application.package or (application.attribute or "").rpartition(".")[0]
     parts = module.split(".") if module else []
     if application.policy is not None:  # the attribute is that of a built-in factory

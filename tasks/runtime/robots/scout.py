@@ -87,7 +87,7 @@ def build_scout() -> mujoco.MjSpec:
 
 
 def _add_chassis(base: mujoco.MjsBody) -> None:
-    """Adds the geoms that collide: a disc with the mass of drive and battery, and the lidar's housing."""
+    """Adds the geoms that collide to the robot's base: a disc with the mass of drive and battery, and the lidar."""
     base.add_geom(
         name="chassis",
         type=_CYLINDER,
@@ -104,7 +104,7 @@ def _add_chassis(base: mujoco.MjsBody) -> None:
 
 
 def _add_looks(base: mujoco.MjsBody) -> None:
-    """Adds geoms of the robot that are only visible and do not collide."""
+    """Adds geoms to the robot's base that are only visible, and do not collide."""
     add_look(base, _CYLINDER, [0, 0, 0.032], [0.1705, 0.007, 0], _DARK)
     add_look(base, _CYLINDER, [0, 0, 0.072], [0.1708, 0.006, 0], _ACCENT)
     add_look(base, _CYLINDER, [0, 0, 0.0985], [0.150, 0.002, 0], _DARK)

@@ -167,7 +167,14 @@ class TrotGait(KeepsAttributes):
         return x, y, z + share * (motion.pitch_rad * x - motion.roll_rad * y)
 
     def _solve(self, leg: int, foot: Point) -> Angles:
-        """Computes the joint angles that bring a foot to a position in the body's frame, as near as the leg reaches."""
+        """Computes a leg's three joint angles in radians (abduction, hip, knee) that bring the foot to a position.
+
+        A position beyond the leg's reach is approached as near as it reaches.
+
+        Args:
+            leg: Number of the leg.
+            foot: Position of the foot in the body's frame, in metres.
+        """
         legs = self._legs
         hip_x, hip_y = legs.hips[leg]
         offset = math.copysign(legs.offset_m, hip_y)
@@ -309,7 +316,7 @@ class TrotController(VelocityController):
     substep: Callable[[], None] | None
 
     def __init__(self, drive: TrotDrive, model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> None:
-        """Finds the legs in the model; see `Drive.bind`."""
+        """Finds the legs in the compiled model, and sets their controls to stand; see `Drive.bind`."""
         super().__init__(drive.limits, self._take)
         self._gait = TrotGait(LEGS, drive.settings)
         self.substep = self._substep

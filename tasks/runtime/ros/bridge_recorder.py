@@ -166,7 +166,10 @@ class BridgeRecorder(Recorder):
         self._inner.flush_when_due(full)
 
     def publish(self) -> set[str]:
-        """Publishes the current state and all collected messages to ROS nodes; returns their topics."""
+        """Publishes the current state and all collected messages to ROS nodes; returns the topics that nodes got.
+
+        Topics to which no node subscribes are left out.
+        """
         published: set[str] = set()
         for relayed in self._series:
             wanted = [topic for topic, _ in relayed.topics if topic not in self._unheard]
@@ -210,7 +213,7 @@ _Gathered = tuple[Numbers, Sequence[Sequence[AnyNumbers]]]
 
 
 def _joined(parts: Sequence[_Gathered]) -> tuple[Numbers, list[list[AnyNumbers]]]:
-    """Joins rows of recorded numbers that were gathered in several parts."""
+    """Joins recorded numbers that were gathered in several parts, and returns their times and values as one part."""
     if not parts:
         return np.zeros(0), []
     if len(parts) == 1:

@@ -96,7 +96,7 @@ def _home(mapping: RobotModel, builder: ModelBuilder, model: mujoco.MjModel) -> 
 
 
 def _standing(model: mujoco.MjModel, mapping: RobotModel, home: Mapping[str, float]) -> mujoco.MjData:
-    """Returns a state in which the robot stands at the origin."""
+    """Returns a state in which the robot stands at the origin, with its joints in their home positions."""
     data = mujoco.MjData(model)
     for joint in range(model.njnt):
         if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:

@@ -77,7 +77,10 @@ def _lacks(model: mujoco.MjModel, base: int) -> str | None:
 
 
 def _start(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, Any]:
-    """Returns the name of the first keyframe, or its joint positions if it has no name."""
+    """Returns the spawn entry for `robot.yaml`: the first keyframe by name, or its joint positions if it has none.
+
+    The entry is empty if the model has no keyframe.
+    """
     if not model.nkey:
         return {}
     if keyframe := model.key(0).name:

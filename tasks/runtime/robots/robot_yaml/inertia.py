@@ -162,7 +162,10 @@ def replace_inertial(problem: Problem) -> None:
 
 
 def _impossible(link: Located) -> tuple[int, str] | None:
-    """Returns line and text of an impossible inertia; None: it is possible, or MuJoCo's importer reports it."""
+    """Returns line and text of a link's physically impossible mass or inertia.
+
+    None: both are possible or absent, or MuJoCo's importer reports them.
+    """
     mass, inertia = link.find("inertial/mass"), link.find("inertial/inertia")
     if mass is None or inertia is None:
         return None
@@ -261,7 +264,10 @@ def _shapes(link: Located) -> list[ET.Element]:
 
 
 def _of_shapes(link: Located, make_spec: MakeSpec) -> Inertia | None:
-    """Computes mass and inertia of a link's shapes at MuJoCo's default density; None if no shape has a volume."""
+    """Computes mass and inertia of a link's shapes at MuJoCo's default density; None if no shape has a volume.
+
+    Meshes are taken for solid, or for shells if they are not closed; flat inertias are thickened.
+    """
     alone = ET.Element("robot", name="alone")
     body = ET.SubElement(alone, "link", name="link")
     for shape in _shapes(link):

@@ -75,7 +75,16 @@ def _meant(element: ET.Element, path: Path, root: Path) -> str:
 
 
 def _files_of(element: ET.Element, path: Path, folder: Path, seen: frozenset[Path] = frozenset()) -> Iterator[_File]:
-    """Yields every file that an MJCF and its includes name; relative names are relative to the main file."""
+    """Yields every file that an MJCF and its includes name, as written and as a path.
+
+    Raises `LaunchError` if a name is absolute, or a file includes itself.
+
+    Args:
+        element: Root element of the MJCF.
+        path: Its file.
+        folder: Folder to which names are relative: that of the main file.
+        seen: Files in which this one is included.
+    """
     compilers = list(element.iter("compiler"))
     meshes, textures = (
         next((each.get(key) or each.get("assetdir") for each in compilers if each.get(key) or each.get("assetdir")), "")
@@ -194,7 +203,10 @@ class ModelBuilder:
         return by_name[name]
 
     def keyframe(self) -> dict[str, float]:
-        """Returns the joint positions in the keyframe that `robot.yaml` names."""
+        """Returns the joint positions, by joint, in the keyframe that `robot.yaml` names; empty if it names none.
+
+        Raises `LaunchError` if the model has no such keyframe.
+        """
         if self._mapping.spawn.keyframe is None:
             return {}
         spec = load_model(self._files.model, self._files.root, self.reading)
@@ -209,7 +221,10 @@ class ModelBuilder:
         }
 
     def _keep_robot_only(self, spec: mujoco.MjSpec) -> mujoco.MjsBody:
-        """Removes everything that does not belong to the robot (floors, lights) from the model; returns its base."""
+        """Deletes everything that does not belong to the robot (floors, lights) from its model, and returns its base.
+
+        Raises `LaunchError` if the base is missing or hangs on another body.
+        """
         base = self.find(spec.bodies, self._mapping.base, "base", "bodies")
         if base.parent.name != "world":
             root = base

@@ -107,7 +107,10 @@ def check_shapes(model: mujoco.MjModel, where: str) -> None:
 def check_sizes(
     mapping: RobotModel, model: mujoco.MjModel, data: mujoco.MjData, builder: ModelBuilder, files: RobotFiles
 ) -> None:
-    """Raises an error for parts in a unit other than metres, which make the robot far too large or small."""
+    """Raises `LaunchError` for parts of a robot in a unit other than metres, which are far too large or small.
+
+    The measure is the radius of the robot's footprint.
+    """
     radius_m, where = mapping.footprint.radius_m, files.mapping.name
     for geom in range(model.ngeom):
         reach_m = geom_reach_m(model, data, geom)

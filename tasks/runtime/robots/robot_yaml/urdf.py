@@ -48,7 +48,7 @@ class MeshUse:
     collides: bool
 
     def problem(self) -> str | None:
-        """Reason why MuJoCo cannot use the mesh; `None` if it can."""
+        """Returns the reason why MuJoCo cannot use the mesh, by compiling a model with it; `None` if it can."""
         spec = mujoco.MjSpec()
         mesh = spec.add_mesh(name=self.name, file=str(self.file))
         if self.scale:
@@ -201,7 +201,10 @@ def check_expanded(robot: Located, path: Path) -> None:
 
 
 def _xacro_in(robot: Located, prefixes: tuple[str, ...]) -> Iterator[tuple[Located, str]]:
-    """Yields xacro elements, and attributes with xacro expressions that a simulation would read."""
+    """Yields the elements of a URDF with xacro that is not expanded, and the xacro as text.
+
+    These are xacro elements, and expressions in attributes and texts that a simulation would read.
+    """
     read = {id(each) for child in robot if child.tag in _READ for each in child.iter()}
     for element in robot.iter():
         assert isinstance(element, Located)
@@ -243,7 +246,11 @@ def _name_meshes(robot: Located, path: Path, root: Path, reading: UrdfReading) -
 def _mesh_use(
     mesh: ET.Element, part: ET.Element, link: ET.Element, path: Path, root: Path, reading: UrdfReading
 ) -> MeshUse | None:
-    """Returns the mesh of an element; None: its `<visual>` is left out."""
+    """Returns the use of a mesh by an element of a URDF; None if the element is a `<visual>` that is left out.
+
+    A visual mesh in a format that MuJoCo does not read is left out with a warning. Raises `LaunchError` if a collision
+    mesh has such a format, or the file is missing.
+    """
     written, line = mesh.get("filename", ""), mesh.line if isinstance(mesh, Located) else 1
     where = f"{path}:{line}"
     if Path(written).suffix.lower() not in _MESHES:
