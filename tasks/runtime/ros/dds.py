@@ -94,7 +94,11 @@ class Reach:
 
 
 def configuration(reach: Reach) -> str:
-    """Makes the configuration of Cyclone DDS: loopback only, unless other machines are to be discovered."""
+    """Returns the XML configuration of Cyclone DDS: loopback only, unless other machines are to be discovered.
+
+    Args:
+        reach: Machines and network interface with which nodes are to be connected.
+    """
     interfaces = '<NetworkInterface name="lo" multicast="false"/>'
     multicast = "false"
     if reach.interface is not None:
@@ -182,7 +186,15 @@ class Participant:
     def reader(
         self, topic: str, ros_type: str, *, is_reliable: bool = False, is_latched: bool = False, depth: int = 10
     ) -> "Reader":
-        """Creates a subscriber of a ROS topic."""
+        """Creates a subscriber of a ROS topic in this participant's domain.
+
+        Args:
+            topic: Name of the topic, such as `/cmd_vel`.
+            ros_type: ROS type of its messages.
+            is_reliable: Whether only reliable publishers are heard, whose lost messages are sent again.
+            is_latched: Whether the last messages from before the subscription are wanted.
+            depth: Number of messages that are kept until they are taken.
+        """
         from cyclonedds import sub
         from cyclonedds.topic import Topic
 
@@ -196,7 +208,7 @@ class Participant:
         return self._types[ros_type]
 
     def publications(self) -> list[Publication]:
-        """Lists the publishers of ROS topics in the domain, including this participant's own."""
+        """Lists the publishers of ROS topics that are in the domain now, including this participant's own."""
         from cyclonedds import builtin
 
         if self._publications is None:
@@ -396,7 +408,12 @@ def _idl_types() -> Any:
 
 
 def _idl_member(kind: tuple[int, Any], known: dict[str, Any]) -> Any:
-    """Makes the DDS type of a message field from its description by rosbags: base, name, array or sequence."""
+    """Returns the DDS type of a message field from its description by rosbags: base, name, array or sequence.
+
+    Args:
+        kind: Description of the field.
+        known: Definitions of message types, by name.
+    """
     idl, (node, about) = _idl_types(), kind
     match Nodetype(node):
         case Nodetype.BASE:
@@ -428,7 +445,7 @@ def _struct(ros_type: str, members: dict[str, Any]) -> Any:
 
 
 def _publication(sample: Any) -> Publication | None:
-    """Makes a ROS publication of a discovery sample; None if it is not of ROS, or the publisher has left."""
+    """Converts a discovery sample of DDS to a ROS publication; None if it is not of ROS, or the publisher has left."""
     topic, kind = getattr(sample, "topic_name", None), getattr(sample, "type_name", None)
     if not topic or not topic.startswith("rt/") or _has_left(sample):
         return None

@@ -75,7 +75,10 @@ class Call:
         self._send_at: float | None = None
 
     def replies(self) -> list[bytes]:
-        """Sends the request when due, and returns the replies received since the last call."""
+        """Returns the service's replies received since the last call, and sends the request when it is due, also again.
+
+        The request is sent once the service is connected.
+        """
         now = time.monotonic()
         if self._send_at is None:
             if self._writer.readers:
@@ -113,7 +116,7 @@ class Listener:
         self._waits.wait(int(timeout_s * _NANOSECONDS))
 
     def changes(self) -> list[Announced]:
-        """Returns publishers that appeared since the last call."""
+        """Returns the publishers that appeared in the domain since the last call; also notes which are simulations."""
         from cyclonedds.core import InstanceState
 
         samples: list[Any] = []

@@ -35,7 +35,12 @@ class DdsWire:
         self._own = b""
 
     def open(self, topics: Sequence[Topic], command_topic: str) -> None:
-        """Announces topics, and subscribes the velocity commands; see `Wire`."""
+        """Joins the ROS 2 domain, announces topics, and subscribes the velocity commands; see `Wire`.
+
+        Args:
+            topics: Topics that the simulation publishes.
+            command_topic: Topic of the velocity commands, with or without stamp.
+        """
         participant = self._participant = Participant(self._domain, self._reach, is_simulation=True)
         self._own, self._command_topic = participant.prefix, command_topic
         for kind in (TWIST, TWIST_STAMPED):
@@ -51,7 +56,10 @@ class DdsWire:
         self._writers[topic].write(message)
 
     def take(self) -> list[Command]:
-        """Returns the velocity commands received since the last call; see `Wire`."""
+        """Returns the velocity commands received since the last call, in the order in which they were sent; see `Wire`.
+
+        A message that cannot be read is returned as a command without numbers.
+        """
         found: list[tuple[int, Command]] = []
         for kind, reader in [each for each in self._readers if each[1].has_news]:
             for data, published_ns in reader.take():
@@ -68,7 +76,7 @@ class DdsWire:
         return self._waiter.wait(timeout_s)
 
     def peers(self) -> Peers:
-        """Returns which ROS nodes are connected; see `Wire`."""
+        """Returns which topics ROS nodes hear, how many send commands, and topics with a wrong type; see `Wire`."""
         assert self._participant is not None
         publications = [each for each in self._participant.publications() if each.participant != self._own]
         of_commands = [each for each in publications if each.topic == self._command_topic]

@@ -96,7 +96,10 @@ class Part:
                 yield from self._of_chunk(content)
 
     def _next(self) -> tuple[int, bytes] | None:
-        """Reads the next record; None at the end of the file, or if the record is incomplete."""
+        """Reads the next record of a recording; None at the end of the file, or if the record is incomplete.
+
+        Raises `ValueError` if the record is of a kind or size that this package does not write.
+        """
         head = self._file.read(_HEAD.size)
         if len(head) < _HEAD.size:
             return None
@@ -153,7 +156,7 @@ class Target:
         self._channels: dict[tuple[str, str, str], tuple[int, Source]] = {}
 
     def add(self, message: Message) -> None:
-        """Adds a message; topics with the same name, type and definition become one channel."""
+        """Adds a message to the merged recording; topics with the same name, type and definition become one channel."""
         source = message.channel
         channel = self._known.get(source)
         if channel is None:
@@ -165,7 +168,11 @@ class Target:
         self._file.add_message(channel, message.time_ns, message.data)
 
     def close(self) -> tuple[list[RecordedTopic], int, int]:
-        """Completes the file; returns the topics, and log times of the first and last message."""
+        """Completes and closes the merged recording.
+
+        Returns:
+            The topics with their numbers of messages, and the log times of the first and last message in nanoseconds.
+        """
         self._file.finish()
         self._stream.close()
         counts, start_ns, end_ns = self._file.contents()
@@ -237,7 +244,15 @@ def _fresh(path: Path) -> Path:
 
 
 def main(folder: str, *names: str) -> int:
-    """Entry point of a child process that merges a run's recordings; returns the exit code."""
+    """Entry point of a child process that merges a run's recordings; ends with its parent, and limits its own memory.
+
+    Writes the result as JSON to standard output. Returns the exit code: 1 if merging failed, with the reason on
+    standard error, else 0.
+
+    Args:
+        folder: Folder of the recordings.
+        names: Names of the files to merge.
+    """
     die_with_parent()
     resource.setrlimit(resource.RLIMIT_AS, (_MEMORY_BYTES, _MEMORY_BYTES))
     try:

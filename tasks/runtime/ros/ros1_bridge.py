@@ -284,7 +284,12 @@ class Bridge:
     """ROS 1 node that publishes the simulation's topics and subscribes velocity commands."""
 
     def __init__(self, link: Link, greeting: dict[str, Any]) -> None:
-        """Creates publishers and subscribers; the ROS node already exists."""
+        """Creates publishers and subscribers of ROS 1 for the topics in the greeting; the ROS node already exists.
+
+        Args:
+            link: Connection to the simulation.
+            greeting: First message of the simulation, with its topics.
+        """
         self._rospy = rospy = import_module("rospy")
         self._link = link
         self._topics = greeting["topics"]
@@ -306,7 +311,7 @@ class Bridge:
         self._publishers[number].publish(message)
 
     def state(self) -> dict[str, Any]:
-        """Returns which ROS 1 nodes are connected."""
+        """Returns which topics ROS 1 nodes hear, how many nodes send commands, and commands of a wrong type."""
         heard = []
         for topic, publisher in zip(self._topics, self._publishers):
             names = [str(connection[1]) for connection in publisher.impl.get_stats_info()]
@@ -320,7 +325,11 @@ class Bridge:
         }
 
     def tell_states(self, uri: str) -> None:
-        """Reports regularly to the simulation which ROS 1 nodes are connected."""
+        """Tells the simulation which ROS 1 nodes are connected, whenever that changes, until ROS shuts down.
+
+        Args:
+            uri: Address of the ROS master, which is asked whether nodes use simulated time.
+        """
         last: dict[str, Any] = {}
         while not self._rospy.is_shutdown():
             state = self.state()
@@ -346,7 +355,10 @@ class Bridge:
 
 
 def main() -> int:
-    """Entry point of the ROS 1 bridge process; runs until the simulation closes the connection."""
+    """Entry point of the ROS 1 bridge process; runs until the simulation closes the connection.
+
+    Returns the exit code, which is 1 if the ROS master, or another node of this name, ended it.
+    """
     rospy = import_module("rospy")  # before it waits: it takes half a second
     uri, path = os.environ.get("ROS_MASTER_URI") or "http://localhost:11311", os.environ[SOCKET_VARIABLE]
     try:

@@ -90,7 +90,12 @@ class Ros1Wire:
         self._listener = AgentSocket(self._plan, ROS1_SOCKET)
 
     def send(self, topic: str, message: bytes) -> None:
-        """Publishes a message: CDR, little endian, with its encapsulation header of four bytes."""
+        """Publishes a message to ROS 1 nodes; without a bridge process it is dropped, unless its topic is latched.
+
+        Args:
+            topic: Name of the topic.
+            message: The message in CDR, little endian, with its encapsulation header of four bytes.
+        """
         number = self._numbers[topic]
         about = self._topics[number]
         if self._link is None and not about.is_latched:
@@ -113,7 +118,7 @@ class Ros1Wire:
         return taken
 
     def wait(self, timeout_s: float) -> bool:
-        """Waits until a velocity command arrives; returns whether one did."""
+        """Waits until a velocity command arrives, at most for a time in seconds; returns whether one did."""
         deadline_s = time.monotonic() + timeout_s
         while True:
             self._look()

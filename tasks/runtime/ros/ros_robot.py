@@ -92,7 +92,7 @@ class RosBridge:
         self._environment = environment
 
     def _open(self) -> None:
-        """Announces the topics; errors are reported by `missing`."""
+        """Connects to the ROS nodes and announces the topics; an error is not raised but told by `missing`."""
         environment, self._environment = self._environment, None
         try:
             self._options = _options_for(environment, self._ros.options)
@@ -109,7 +109,10 @@ class RosBridge:
         self.recorder.attach(wire, names, frames, () if self._options.localization == "truth" else {frames.odometry})
 
     def came(self) -> bool:
-        """Returns whether ROS nodes are connected that can drive, or that wait for simulated time."""
+        """Whether ROS nodes are connected that can drive, or that wait for simulated time, and have been for a moment.
+
+        The first call announces the topics; false if that failed, or if the last look was less than 0.1 s ago.
+        """
         if self._environment is not None:
             self._open()
         if self._wire is None:
@@ -128,7 +131,7 @@ class RosBridge:
         return self._heard_since_s is not None and now_s - self._heard_since_s >= _LISTENERS_S
 
     def missing(self) -> str:
-        """Describes which ROS nodes are missing, and which are connected."""
+        """Describes which ROS nodes are missing and which are connected, or why none is reached, for an error."""
         if self._environment is not None:
             self._open()
         if self._problem is not None:
@@ -198,7 +201,18 @@ class RosAgent:
         keep: Callable[[bytes], None],
         clock: Callable[[], float],
     ) -> None:
-        """Creates the agent with a robot that stands still; see `RosBridge.make_agent`."""
+        """Creates the agent with a robot that stands still; see `RosBridge.make_agent`.
+
+        Args:
+            wire: Connection to the ROS nodes.
+            recorder: Recorder that also publishes to the nodes.
+            timing: Strategy by which simulated time advances.
+            options: ROS options of the job.
+            robot: Name of the robot application, for errors.
+            environment: The environment.
+            keep: Called with each action, to record it.
+            clock: Monotonic clock, in seconds.
+        """
         self._wire, self._recorder, self._timing, self._options = wire, recorder, timing, options
         self._robot, self._environment, self._keep, self._clock = robot, environment, keep, clock
         self._command_topic = command_topic(options)
@@ -264,7 +278,7 @@ class RosAgent:
         )
 
     def findings(self) -> Findings:
-        """Returns figures about the exchange with ROS nodes for the run's result."""
+        """Returns figures about the exchange with ROS nodes, and notes on its defects, for the run's result."""
         self._heard |= self._wire.peers().heard  # lock-step may take all its steps between two looks
         about: dict[str, Any] = {
             "wire": self._wire.name,
@@ -312,7 +326,10 @@ class RosAgent:
         return np.array((self._command.linear_mps[0], self._command.angular_radps[2]))
 
     def _look(self, time_s: float) -> None:
-        """Detects nodes that connect and disconnect, and acts on it."""
+        """Looks, now and then, which nodes are connected, and notes several commanders and wrong types for the result.
+
+        Raises `StopIteration`, which ends the run, if all nodes that sent commands have been gone for some seconds.
+        """
         now_s = self._clock()
         if now_s - self._looked_at_s < _LOOK_S and self._steps > 1:
             return
@@ -374,7 +391,14 @@ def _next_goal(
     here: tuple[float, float],
     now: tuple[float, float] | None,
 ) -> tuple[float, float] | None:
-    """Returns the last goal until it is visited, then the nearest unvisited one; None at the end."""
+    """Returns the present goal until it is visited, then the nearest unvisited one; None if all are visited.
+
+    Args:
+        goals: Positions in metres, shape (goals, 2).
+        visited: Whether each goal is visited.
+        here: Position of the robot in metres.
+        now: Present goal; None: there is none yet.
+    """
     left = [(float(x), float(y)) for (x, y), done in zip(goals, visited, strict=True) if not done]
     if now in left:
         return now
@@ -388,7 +412,10 @@ def _since(since_s: float | None, now_s: float, holds: bool) -> float | None:
 
 
 def _options_for(environment: Any, given: RosOptions) -> RosOptions:
-    """Merges the ROS options of the robot's `robot.yaml` with those of the launch configuration, which win."""
+    """Merges the ROS options of the robot's `robot.yaml` with those of the launch configuration, which win.
+
+    Raises `LaunchError` if the merged options are invalid.
+    """
     robot = robot_of(environment)
     own = dict(robot.ros) if robot is not None else {}
     try:
@@ -400,7 +427,7 @@ def _options_for(environment: Any, given: RosOptions) -> RosOptions:
 
 
 def _check_actions(environment: Any, robot_application: str) -> None:
-    """Raises an error for an environment that cannot be driven by velocity commands."""
+    """Raises `LaunchError` for an environment that cannot be driven by velocity commands: actions of two numbers."""
     robot = robot_of(environment)
     spec = environment.action_spec() if callable(getattr(environment, "action_spec", None)) else None
     shape = getattr(spec, "shape", None)

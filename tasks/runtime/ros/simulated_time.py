@@ -54,7 +54,13 @@ class _Waits:
         self.wire, self._stop, self.clock = wire, stop, clock
 
     def until(self, due_s: float) -> Command | None:
-        """Waits until a wall-clock time; returns the newest velocity command received meanwhile."""
+        """Waits until a wall-clock time; returns the newest velocity command received meanwhile, `None` without one.
+
+        Raises `RunStopped` if the run has to stop.
+
+        Args:
+            due_s: Time of `clock`, in seconds.
+        """
         newest: Command | None = None
         while True:
             if commands := self.wire.take():
@@ -69,7 +75,14 @@ class _Waits:
             time.sleep(min(0.001, left_s))
 
     def first(self, due_s: float, is_answer: Callable[[Command], bool] = lambda _: True) -> Command | None:
-        """Waits for a velocity command, at most until a wall-clock time."""
+        """Waits for a velocity command, and returns the first that is an answer; `None` if none came in time.
+
+        Raises `RunStopped` if the run has to stop.
+
+        Args:
+            due_s: Time of `clock` until which to wait, in seconds.
+            is_answer: Decides whether a command is the awaited one; others are dropped.
+        """
         while True:
             for command in self.wire.take():
                 if is_answer(command):
@@ -123,7 +136,14 @@ class Paced:
         self._waited_for = self._silences = 0
 
     def next_command(self, time_s: float, *, scanned: bool) -> Command | None:
-        """Returns the newest command, and waits if time is too far ahead of it; see `Timing`."""
+        """Returns the newest command, or `None`; waits for one if simulated time is too far ahead of the last.
+
+        If none comes for a while, it does not wait again until the next command. See `Timing`.
+
+        Args:
+            time_s: Simulated time in seconds.
+            scanned: Whether a scan was published in this step.
+        """
         command = self._free.next_command(time_s, scanned=scanned)
         if command is None and self._commanded_at_s is not None and time_s - self._commanded_at_s >= self._ahead_s:
             began_s = self._waits.clock()
@@ -156,7 +176,15 @@ class Lockstep:
         """Simulated time of the last step that had to be answered by a command."""
 
     def next_command(self, time_s: float, *, scanned: bool) -> Command | None:
-        """Waits for the command that answers the step; see `Timing`."""
+        """Waits for the command that answers the step, and returns it; see `Timing`.
+
+        Returns `None` if the step needs no answer, or none came in time. Raises `TimerNodeError` if too many steps stay
+        without an answer.
+
+        Args:
+            time_s: Simulated time in seconds.
+            scanned: Whether a scan was published in this step.
+        """
         if not (scanned or self._each_step):
             return None
         began_s = self._waits.clock()

@@ -226,7 +226,10 @@ class TopicRecorder:
         self._report()
 
     def look(self) -> None:
-        """Takes new messages, and writes those whose type definition is known."""
+        """Takes new messages and publishers, and writes the messages whose type definition is known.
+
+        Asks for missing definitions, and now and then writes pending data and the report.
+        """
         # Publishers are known before their messages, and the clock of their time when they come.
         taken = self._taken()
         for publication in self._listener.changes():
@@ -300,7 +303,10 @@ class TopicRecorder:
     # Definitions
 
     def _ask(self, topic: Recorded, question: Question) -> None:
-        """Requests the definition of a type from all nodes in the publisher's process, and checks for a reply."""
+        """Requests a type's definition from all nodes in the publisher's process, and opens the channel on a reply.
+
+        If no definition comes in time, or held messages need too much memory, the channel is opened without one.
+        """
         for service in self._services.get(question.participant, set()):
             if service not in question.calls:
                 with suppress(ListenError):
@@ -328,7 +334,7 @@ class TopicRecorder:
     # Messages
 
     def _taken(self) -> list[tuple[Recorded, Received]]:
-        """Takes the received messages, in the order in which they were sent."""
+        """Takes the messages received since the last call, each with its topic, in the order of their sending."""
         taken = [
             (topic, is_latched, message)
             for topic in self._topics.values()
@@ -372,7 +378,7 @@ class TopicRecorder:
     # The report
 
     def _report(self) -> None:
-        """Writes the report atomically, if it has changed."""
+        """Writes the report file beside the recording, atomically, if the report has changed."""
         reports = [topic.report() for topic in self._topics.values()]
         report = RecorderReport(domain=self._domain, topics=[*reports, *self._refused.values()])
         if report == self._said:
@@ -390,7 +396,13 @@ def _offer(found: Announced) -> Offer:
 
 
 def main(text: str) -> int:
-    """Entry point of the topic recorder's process; returns the exit code."""
+    """Entry point of the process that records all ROS 2 topics of a run until it gets the signal SIGTERM; returns 0.
+
+    Writes a recording and a report into the output folder; ends with its parent.
+
+    Args:
+        text: Request as JSON.
+    """
     die_with_parent()
     request = RecorderRequest.model_validate_json(text)
     stopped: list[int] = []

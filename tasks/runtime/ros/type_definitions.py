@@ -193,7 +193,13 @@ def _hash_of(ros_type: str, definition: str, characters_as: str = "char") -> str
 
 
 def _types_of(definition: str, ros_type: str, characters_as: str) -> Any:
-    """Parses the types of a definition; those of services get names that the parser accepts as messages."""
+    """Parses the types of a ROS definition; those of services get names that the parser accepts as messages.
+
+    Args:
+        definition: Text of the definition.
+        ros_type: Its type, such as `std_msgs/msg/String`.
+        characters_as: Type that a field of type `char` gets.
+    """
     package, kind, name = ros_type.split("/")
     parsed = get_types_from_msg(definition, f"{package}/msg/{name}")
     service = re.escape(name.rpartition("_")[0])

@@ -135,7 +135,10 @@ class Furnishing:
             kernel.restrict_mount(target, kernel.READ_ONLY)
 
     def _make_place(self, target: str, *, is_folder: bool) -> None:
-        """Creates a mount point (file or folder) unless it exists; never through a link out of the new root."""
+        """Creates a mount point (file or folder) in the new root unless it exists.
+
+        Raises `OSError` if a link leads out of the new root.
+        """
         if os.path.exists(target) and os.path.realpath(target).startswith(self._root + "/"):
             return
         parent = target if is_folder else os.path.dirname(target)
@@ -321,7 +324,10 @@ def _help(
 
 
 def _begin(theirs: socket.socket, become: Callable[[], NoReturn]) -> None:
-    """Runs in the second fork: waits until the supervisor has adopted it, then calls `become`."""
+    """Runs in the second fork: waits until the supervisor has adopted it, then calls `become`; never returns.
+
+    Ends the process with code 1 if the supervisor is gone.
+    """
     try:
         if theirs.recv(1) == _READY:
             os.setsid()
@@ -356,7 +362,10 @@ def _unshare_all() -> None:
 
 
 def _keep(control: socket.socket) -> NoReturn:
-    """Runs the sandbox's first process: builds the file system, gives up privileges, and reaps processes."""
+    """Runs the sandbox's first process, for ever: builds the file system, gives up privileges, and reaps processes.
+
+    Ends the process with code 1, and sends the reason, if the sandbox cannot be built; with 0 if it is not needed.
+    """
     descriptor = control.fileno()
     os.closerange(3, descriptor)
     os.closerange(descriptor + 1, os.sysconf("SC_OPEN_MAX"))

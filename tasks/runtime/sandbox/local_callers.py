@@ -65,7 +65,10 @@ def marked_runs(home: Path) -> Mapping[int, str]:
 
 
 def ancestors(pid: int) -> list[int] | None:
-    """Returns a process and all its ancestors; `None` if one of them has ended meanwhile."""
+    """Returns the ids of a process and all its ancestors, the process first.
+
+    Returns `None` if one of them has ended meanwhile, or there are too many.
+    """
     found = [pid]
     while len(found) < _MOST_ANCESTORS:
         process = process_state(found[-1])
@@ -193,7 +196,7 @@ def _asked(peer: Address, server: Address) -> ConnectionEnd | None:
 
 
 def _listed(peer: Address, server: Address) -> ConnectionEnd | None:
-    """Finds the other end of a local connection in the kernel's list of all connections."""
+    """Returns the other end of a local connection from the kernel's list of all connections; `None` if it has none."""
     wanted = (_written(peer), _written(server))
     name = "tcp6" if ":" in peer[0] else "tcp"
     with suppress(OSError), Path(f"/proc/net/{name}").open() as lines:
@@ -260,7 +263,10 @@ def _is_contained(pid: str, user: int) -> bool:
 
 
 def as_address(given: object) -> Address | None:
-    """Normalises a TCP address (IPv6-mapped IPv4, scope); `None` if it is not one."""
+    """Returns a TCP address with its host in the usual form (IPv4 if it is mapped to IPv6, no scope) and its port.
+
+    Returns `None` if the value is no such address.
+    """
     if not isinstance(given, tuple) or len(given) < 2:
         return None
     host, port = given[0], given[1]

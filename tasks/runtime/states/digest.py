@@ -171,7 +171,10 @@ class StateDigest:
         self._bytes[:_CHAIN_BYTES] = state["chain"]
 
     def _begin(self, model: mujoco.MjModel) -> None:
-        """Starts with a model, or continues with another one that the environment has made."""
+        """Starts the hash chain with a model, or continues it with another one that the environment has made.
+
+        Writes the beginning of the digest's file, or the states of the model before.
+        """
         model_sha256 = self._of_model(model)
         if self._model is None:
             self.model_sha256 = model_sha256
@@ -298,7 +301,7 @@ def digest_of_model(model: mujoco.MjModel) -> str:
 
 
 def _take_in(digest: "hashlib._Hash", structure: Any) -> None:
-    """Hashes the members of a MuJoCo structure by name, nested structures included."""
+    """Adds the members of a MuJoCo structure, with their names, to a hash, nested structures included."""
     for name, label in _members(type(structure)):
         value = getattr(structure, name)
         digest.update(label)

@@ -55,7 +55,10 @@ class FailureRecorder(Observer):
         self._warned = np.zeros(0, dtype=np.int64)
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Stores the current state in place of the older of two."""
+        """Stores the environment's current state in place of the older of two that are kept.
+
+        A new model of the environment drops both.
+        """
         model, data = raw_physics(environment.physics)
         if model is not self._model:
             self._model, self._data = model, data

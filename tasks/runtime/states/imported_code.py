@@ -35,7 +35,10 @@ def digest_of_folder(folder: Path, suffix: str = "") -> str:
 
 
 def _files_in(folder: Path) -> Iterator[Path]:
-    """Yields all files below a folder, following links to folders, each real folder once on a path."""
+    """Yields all files below a folder, following links to folders, each real folder once on a path.
+
+    Folders of compiled code are left out.
+    """
     ways = {str(folder): frozenset({os.path.realpath(folder)})}
     for place, folders, files in os.walk(folder, followlinks=True):
         above = ways.pop(place)

@@ -151,7 +151,7 @@ def note_run(plan: RunPlan, applications: Sequence[ApplicationPlan] = (), ended_
 
 @lru_cache(maxsize=1)
 def machine_facts() -> MachineFacts:
-    """Returns the facts about this machine and its software that can change a run's numbers."""
+    """Returns the facts about this machine and its software that can change a run's numbers, looked up once."""
     cpu_model, features = _cpu()
     return MachineFacts(
         python=platform.python_version(),

@@ -154,7 +154,7 @@ def _restored(data: bytes, frames: int) -> Rows:
 
 
 def _chunks(data: bytes) -> Iterator[_Chunk]:
-    """Yields the complete chunks at the beginning of a log."""
+    """Yields the complete, undamaged chunks at the beginning of a state log, and stops at the first other one."""
     place = 0
     decompressor = zstandard.ZstdDecompressor()
     while place + CHUNK.size <= len(data):
@@ -175,7 +175,14 @@ def _chunks(data: bytes) -> Iterator[_Chunk]:
 
 
 def _tail(path: Path, noted: int) -> _Chunk | None:
-    """Reads the last states, which had not been written as a chunk yet."""
+    """Reads the last states of a state log, which had not been written as a chunk yet.
+
+    Returns `None` if there are none, or the file is damaged.
+
+    Args:
+        path: File of the last states.
+        noted: Number of states in complete chunks.
+    """
     try:
         data = path.read_bytes()
         magic, model, nq, nmocap, frames, _, before = TAIL.unpack_from(data)
@@ -324,7 +331,10 @@ class StateLogger(Observer):
         self._error: str | None = None
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Writes the current simulation state to the state log."""
+        """Writes the environment's current simulation state to the state log.
+
+        After an error, which is noted, the run goes on without a state log.
+        """
         try:
             if self._writer is None:
                 camera = getattr(environment, "video_camera", None)
@@ -346,7 +356,14 @@ class StateLogger(Observer):
         return Findings({"state_log_error": self._error} if self._error else {})
 
     def restore(self, state: float, environment: Any) -> None:
-        """Continues the state log of a killed process at an earlier time."""
+        """Continues the state log of a killed process at an earlier time, without the states from then on.
+
+        If the log cannot be continued, it begins anew, and a line on standard error says so.
+
+        Args:
+            state: Time in simulated seconds at which the run continues.
+            environment: The environment.
+        """
         super().restore(state, environment)
         try:
             if not self._folder.exists():

@@ -163,7 +163,16 @@ def finish_outputs(
 
 
 def _finish_episode(plan: RunPlan, ended: Exit | None, outcome: Outcome, times: tuple[datetime, datetime]) -> bool:
-    """Completes the outputs of a run with an episode; returns whether they are complete."""
+    """Completes the outputs of a run with an episode; returns whether they are complete.
+
+    Deletes `result.json` if the run failed, and writes one if the run was killed at its duration limit.
+
+    Args:
+        plan: The run's plan.
+        ended: End of the run's process; `None`: not known.
+        outcome: Outcome of the run.
+        times: Times of the run's beginning and end.
+    """
     remove_agent_socket(plan)
     if plan.trials is not None:
         _complete_trials(plan, outcome)
@@ -180,7 +189,10 @@ def _finish_episode(plan: RunPlan, ended: Exit | None, outcome: Outcome, times: 
 
 
 def _write_for_run(plan: RunPlan, ended: Exit | None, times: tuple[datetime, datetime]) -> bool:
-    """Writes the result of a run whose process was killed at the duration limit; returns whether it was written."""
+    """Writes `result.json` for a run whose process was killed at the duration limit, unless it has one.
+
+    Returns whether there is one now; if it cannot be written, a note in the outputs says why.
+    """
     if read_result(plan.output_dir) is not None:
         return True
     if ended is None:

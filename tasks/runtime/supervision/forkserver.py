@@ -53,7 +53,11 @@ _MODULES = (
 
 
 def main() -> None:
-    """Entry point of the fork server: imports modules, then forks a supervisor for each requested run."""
+    """Entry point of the fork server: imports modules, then forks a supervisor for each requested run.
+
+    Runs until the launcher closes the socket whose descriptor is the first argument. If a module cannot be imported,
+    the error is sent there.
+    """
     control = socket.socket(fileno=int(sys.argv[1]))
     try:
         for name in _MODULES:
@@ -111,7 +115,11 @@ class _Supervisors:
         self._standing_by: _StandBy | None = None
 
     def serve(self) -> None:
-        """Forks supervisors for runs, and reaps them, until the launcher closes the socket."""
+        """Forks a supervisor for each requested run, and reaps those that ended, until the launcher closes the socket.
+
+        A supervisor is forked ahead while nothing else is to be done. A run that cannot begin has its connection
+        closed.
+        """
         while True:
             ready = wait([self._control, *self._alive], self._quiet_time_s())
             if not ready:
@@ -139,7 +147,10 @@ class _Supervisors:
         return self._fork_ahead_after_s if self._alive else 0.0
 
     def _supervise(self, descriptor: int) -> None:
-        """Passes a run to the waiting supervisor, or to a new one."""
+        """Passes a run's connection to the supervisor that waits, or to a new one if it is gone.
+
+        Raises `OSError` if no process can be forked.
+        """
         supervisor, self._standing_by = self._standing_by, None
         while True:
             supervisor = supervisor or self._fork(descriptor)

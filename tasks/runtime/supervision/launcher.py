@@ -83,7 +83,11 @@ class StopMonitor:
         """Messages still to be sent, each with the earliest time to send it."""
 
     def until_end(self) -> tuple[Exit | None, RunStop | None]:
-        """Returns how the run ended (`None` if unknown) and why it was stopped (`None` if it was not)."""
+        """Waits until the run has ended, stops it when a reason comes up, and passes its events on.
+
+        Returns:
+            The run's end (`None` if it is not known), and the reason why it was stopped (`None` if it was not).
+        """
         while True:
             patience = _KILL_TIMEOUT_S if self._was_killed else self._patience()
             if self._channel.poll(patience):
@@ -380,7 +384,10 @@ def decide_outcome_with_log(ended: Exit | None, stopped_for: RunStop | None, pla
 
 
 def _clean_up(request: RunRequest) -> None:
-    """Cleans up after a run whose supervisor has died."""
+    """Runs the clean-up commands of a run's programs, such as removing containers, as its supervisor has died.
+
+    Their failures are ignored, and each gets limited time.
+    """
     for program in request.plan.programs:
         if program.cleanup_argv is not None:
             with suppress(OSError, subprocess.TimeoutExpired):
@@ -396,7 +403,11 @@ def _clean_up(request: RunRequest) -> None:
 
 
 def _begin(channel: Connection, request: RunRequest) -> None:
-    """Sends a run's request to its supervisor, and waits until it has begun."""
+    """Sends a run's request to its supervisor, and waits until the run has begun.
+
+    Raises `LaunchError` if the supervisor refuses the run or does not begin it in time, and `LaunchInterruptedError` if
+    the supervisor ended.
+    """
     try:
         channel.send_bytes(request.model_dump_json().encode())
         if channel.poll(_START_TIMEOUT_S):

@@ -169,7 +169,10 @@ class Supervision:
     # Watching
 
     def until_end(self) -> None:
-        """Waits until the run has ended and its processes had time to finish."""
+        """Supervises the run's processes until the run has ended and its processes had time to finish.
+
+        Obeys the launcher, handles ended processes, and looks at the use of resources meanwhile.
+        """
         while not self._is_over:
             now = time.monotonic()
             due = min([self._next_look_s, *(timer[0] for timer in self._timers[:1])])

@@ -78,7 +78,10 @@ class LaunchWatch:
         return b"%s cannot be executed: %s" % (node, line)
 
     def _new_lines(self) -> Iterator[bytes]:
-        """Yields the complete lines written since the last call, without colour codes."""
+        """Yields the complete lines written to the program's log since the last call, without colour codes.
+
+        Of very many, only the last ones are read.
+        """
         size = self._size()
         if size == self._offset:
             return

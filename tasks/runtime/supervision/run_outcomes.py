@@ -164,7 +164,13 @@ def was_killed(ended: Exit | None, stopped_for: RunStop | None) -> bool:
 
 
 def failure_reason(head: str, log_name: str, lines: Sequence[str]) -> str:
-    """Makes a failure reason of at most 1024 characters that ends with the last log lines."""
+    """Returns a failure reason of at most 1024 characters that ends with the last log lines.
+
+    Args:
+        head: Sentence that says what failed; shortened if it is long.
+        log_name: Name of the log.
+        lines: Last lines of the log; empty: only the sentence is returned.
+    """
     head = without_escapes(head)
     if len(head) > _MAX_HEAD_CHARACTERS:
         head = head[: _MAX_HEAD_CHARACTERS - 1] + "…"

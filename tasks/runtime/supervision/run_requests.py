@@ -109,7 +109,10 @@ def _menagerie_cache() -> dict[str, str]:
 
 
 def program_environment(request: RunRequest, program: ProgramPlan) -> dict[str, str]:
-    """Returns the complete environment variables for one of a run's programs."""
+    """Returns the complete environment variables for one of a run's programs.
+
+    The program's own variables override the run's, except those that name the job, its folders and its seed.
+    """
     plan = request.plan
     of_role = plan.robot_application if program.role == "robot" else plan.simulation_application
     environment = {
@@ -127,7 +130,7 @@ def program_environment(request: RunRequest, program: ProgramPlan) -> dict[str, 
 
 
 def _fixed_variables(plan: RunPlan) -> dict[str, str]:
-    """Returns the variables that an application cannot override."""
+    """Returns the environment variables that an application cannot override: job, seed, folders, and visible GPUs."""
     variables = {
         "AWS_ROBOMAKER_SIMULATION_JOB_ID": plan.job_id,
         "AWS_ROBOMAKER_SIMULATION_JOB_ARN": plan.job_arn,

@@ -62,7 +62,10 @@ class AxisEffect:
         self._pairs = 0
 
     def take(self, row: TrialRow) -> None:
-        """Adds one trial's results to the job's counts."""
+        """Compares one trial with an earlier one that differs in this axis only, to see if the axis has an effect.
+
+        A difference, or a trial without a state digest, ends the comparison.
+        """
         if self._first is None:
             return
         if row.state_digest is None:

@@ -75,7 +75,10 @@ class TrialJournal:
 
 
 def _rows(path: Path) -> Iterator[tuple[TrialRow, int]]:
-    """Yields the rows, each with the byte offset of its end."""
+    """Yields the rows of a trials journal, each with the byte offset of its end, up to the first damaged line.
+
+    Yields none if there is no journal.
+    """
     try:
         file = open_left(path)
     except FileNotFoundError:

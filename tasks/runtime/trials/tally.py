@@ -67,7 +67,10 @@ class Tally:
         """Message about code that did not answer when the job was stopped in a trial; empty: none."""
 
     def take(self, row: TrialRow) -> None:
-        """Adds one trial's results to the job's counts."""
+        """Adds one trial's results to the job's counts, means, notes and digest; trials come in order of their numbers.
+
+        Names of requirements and metrics beyond a limit are left out.
+        """
         self.rows += 1
         counted = _COUNTED[row.verdict]
         self._counts[counted] = self._counts.get(counted, 0) + 1
@@ -188,7 +191,10 @@ class Tally:
 
     @property
     def _in_words(self) -> str:
-        """Describes the trials that did not pass: `3 of 100 trials did not pass: 4, 17 and 33`."""
+        """Text that says how many trials did not pass, and which: `3 of 100 trials did not pass: 4, 17 and 33`.
+
+        It also says if trials have no verdict, or the job was stopped.
+        """
         bad = self._counts.get("failed", 0) + self._counts.get("errors", 0)
         text = f"{bad} of {_trials(self.rows)} did not pass" if bad else f"none of {_trials(self.rows)} failed"
         if bad:
@@ -248,7 +254,10 @@ class _RequirementCount:
             self.worst = requirement
 
     def requirement(self, name: str) -> Requirement:
-        """Makes a requirement's entry in the job's result: in how many trials it was met, and the worst value."""
+        """Returns a requirement's entry in the job's result: in how many trials it was met, and the worst value.
+
+        The entry itself does not count for the verdict.
+        """
         told = {"value", "limit", "unit", "margin"}
         worst = {} if self.worst is None else self.worst.model_dump(include=told)
         return Requirement(

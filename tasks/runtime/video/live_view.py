@@ -76,7 +76,10 @@ class LiveFrames:
         self._drawer: threading.Thread | None = None
 
     def offer(self, environment: Any, time_s: float) -> None:
-        """Copies the current positions if a viewer waits for a picture and one is due."""
+        """Copies the current positions for the drawing thread, if a viewer waits for a picture and one is due.
+
+        The first such call starts the thread.
+        """
         if not self._wanted or time.monotonic() < self._next_s:
             return
         model, data = raw_physics(environment.physics)
@@ -251,7 +254,7 @@ class LiveView(Observer):
         """Restores nothing: the live view of a resumed run begins anew."""
 
     def status(self) -> dict[str, Any]:
-        """Returns the status shown beside the live picture; times in seconds."""
+        """Returns the run's status that is shown beside the live picture, as JSON members; times are in seconds."""
         wall_s = time.monotonic() - self._began_s
         return {
             "job": self._plan.job_id,
@@ -308,7 +311,10 @@ class _Handler(BaseHTTPRequestHandler):
         return self.server
 
     def do_GET(self) -> None:
-        """Answers a viewer's HTTP request."""
+        """Answers a viewer's HTTP request: the page, the status, a picture or a stream of pictures, else 404.
+
+        Requests to names other than this machine's own are refused with 403.
+        """
         host = (self.headers.get("Host") or "").rsplit(":", 1)[0].lower()
         if host not in _LOCAL_NAMES:  # a page from elsewhere whose name was made to point here
             self._answer(403, "text/plain; charset=utf-8", b"This page answers to 127.0.0.1 and localhost only.\n")

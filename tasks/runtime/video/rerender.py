@@ -133,7 +133,10 @@ def _pictures_of(
 
 
 def main() -> int:
-    """Entry point of a child process that renders the videos requested on its command line."""
+    """Entry point of a child process that renders the videos requested, as JSON, on its command line.
+
+    Returns the exit code: 1 if rendering failed, with the reason on standard error, or if the parent has died, else 0.
+    """
     request = VideoRequest.model_validate_json(sys.argv[1])
     die_with_parent()
     if os.getppid() != request.parent_pid:

@@ -213,7 +213,10 @@ class VideoWatcher(Observer):
         self._is_finished = False
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Renders a frame, and repeats it for frames that a long control step skipped."""
+        """Renders a frame of the video, and repeats it for frames that a long control step skipped.
+
+        An error ends the video, and not the run; a wrong camera name is told on standard error.
+        """
         try:
             picture = self._picture(environment)
             if self._writer is None:
