@@ -220,7 +220,7 @@ class GlCamera:
         return np.ascontiguousarray(pixels[::-1])  # OpenGL begins at the bottom
 
     def depths(self, data: mujoco.MjData, view: View) -> Depths:
-        """Renders the depths in a camera view in metres, shape (height, width), infinite where nothing is; see `Camera`."""
+        """Renders the depths in a camera view in metres, shape (height, width), inf where nothing is; see `Camera`."""
         width, height = self._size
         self._see(data, view, width / height)
         before = self._scene.flags.copy()

@@ -154,7 +154,7 @@ class CameraRecorder(Observer):
         return Findings({"camera_error": self._error} if self._error else {})
 
     def _aimed(self, environment: Any) -> tuple[ViewRenderer, mujoco.MjData]:
-        """Returns the renderer for the environment's current model, made anew for a new one, and the state to render."""
+        """Returns the renderer for the environment's current model, made anew if that is, and the state to render."""
         model, data = raw_physics(environment.physics)
         if self._renderer is None or model is not self._renderer.model:
             if self._renderer is not None:
