@@ -189,7 +189,7 @@ def _product(a: int, b: int) -> int:
 
 
 def measure(file: BinaryIO) -> tuple[int, str]:
-    """Returns size and CRC32 of the rest of a file."""
+    """Returns the size in bytes and the CRC32 (in base64) of a file from its present position to its end."""
     size = crc = 0
     while chunk := file.read(_CHUNK_BYTES):
         size += len(chunk)

@@ -57,7 +57,7 @@ class DirectoryStore:
         self._incoming = self._root / ".incoming"  # no bucket's name starts with a dot
 
     def ensure_bucket(self, bucket: str) -> None:
-        """Creates a bucket (a folder) unless it exists."""
+        """Creates a bucket (a folder) unless it exists, and deletes old temporary files that crashed writers left."""
         check_bucket(bucket)
         with os_failures(f"create the bucket {bucket} in {self._root}"):
             for folder in (self._incoming, self._root / bucket):
@@ -99,7 +99,10 @@ class DirectoryStore:
             return info
 
     def probe(self, bucket: str) -> None:
-        """Checks whether the bucket's folder answers, as a network file system may not."""
+        """Checks whether the bucket's folder answers, as a network file system may not; a missing folder is no error.
+
+        Raises `StorageUnavailableError` if it does not answer.
+        """
         check_bucket(bucket)
         with os_failures(f"look into {self._root}"), suppress(FileNotFoundError, PermissionError, NotADirectoryError):
             (self._root / bucket).stat()
@@ -122,7 +125,10 @@ class DirectoryStore:
     def put_files(
         self, bucket: str, files: dict[str, Path], *, stopped: Stopped = never, tell: Tell = tell_none
     ) -> list[ObjectInfo]:
-        """Copies many files concurrently; raises the first error after all have ended."""
+        """Copies many files into the store concurrently, and returns the stored objects in the order of the files.
+
+        Raises the first error once running copies have ended; further ones are not begun.
+        """
         return put_each(self, bucket, files, stopped, tell)
 
     def put_bytes(self, bucket: str, key: str, data: bytes, *, create_only: bool = False) -> ObjectInfo:
@@ -154,12 +160,12 @@ class DirectoryStore:
             return info
 
     def get_bytes(self, bucket: str, key: str) -> bytes:
-        """Returns the content of an object, which is a local file."""
+        """Returns the content of an object, which is a local file; raises `ObjectNotFoundError` if there is none."""
         with self._opened(bucket, key) as (source, _), os_failures(f"read {bucket}/{key}"):
             return source.read()
 
     def head(self, bucket: str, key: str) -> ObjectInfo:
-        """Returns the metadata of an object, which is a local file."""
+        """Returns the metadata of an object, which is a local file; raises `ObjectNotFoundError` if there is none."""
         with self._opened(bucket, key) as (_, info):
             return info
 
@@ -201,7 +207,10 @@ class DirectoryStore:
         return self._path(bucket, key).as_uri()
 
     def local_path(self, bucket: str, key: str) -> Path | None:
-        """Returns the object's local file, which must not be written to."""
+        """Returns the object's local file, which must not be written to; it need not exist.
+
+        Returns `None` if a symbolic link leads to it.
+        """
         path = self._path(bucket, key)
         return None if _link_above(self._root / bucket, path) else path
 

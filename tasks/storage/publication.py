@@ -229,7 +229,10 @@ def _published(store: ObjectStore, bucket: str, prefix: str) -> Manifest | None:
 
 
 def _same(there: Manifest, ours: Manifest, bucket: str, prefix: str) -> Manifest:
-    """Returns the stored manifest after checking that it equals the new one; only the times may differ."""
+    """Returns the stored manifest after checking that it equals the new one; only the times may differ.
+
+    Raises `ObjectExistsError` if something else is published there.
+    """
     if (there.files, there.about) != (ours.files, ours.about):
         raise ObjectExistsError(f"something else is already published under {bucket}/{prefix}")
     return there
@@ -299,7 +302,10 @@ def finish_thinning(store: ObjectStore, bucket: str, prefix: str) -> None:
 
 
 def _remove_rest(store: ObjectStore, bucket: str, prefix: str, after: Manifest) -> None:
-    """Deletes the objects that the new manifest does not list, and replaces the old manifest by it."""
+    """Deletes the objects of a folder that the new manifest does not list, and replaces the old manifest by it.
+
+    The old manifest goes first, so that readers never take a thinned folder for whole.
+    """
     store.delete(bucket, join_key(prefix, MANIFEST_NAME))
     stay = {join_key(prefix, name) for name in (NEXT_NAME, *(file.path for file in after.files))}
     gone = [info.key for info in store.list(bucket, join_key(prefix, "")) if info.key not in stay]
@@ -309,7 +315,7 @@ def _remove_rest(store: ObjectStore, bucket: str, prefix: str, after: Manifest) 
 
 
 def thinned(manifest: Manifest, keep: Callable[[str], bool]) -> Manifest:
-    """Returns a manifest without the deleted files, with a count of them."""
+    """Returns a manifest without the files that are not kept, with a count of these; unchanged if all are kept."""
     stay = [file for file in manifest.files if keep(file.path)]
     count, size = removed_before(manifest)
     gone = [file for file in manifest.files if not keep(file.path)]

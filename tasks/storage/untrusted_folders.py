@@ -33,7 +33,7 @@ _DENIED = {errno.EACCES, errno.EPERM, errno.EROFS}
 
 @contextmanager
 def os_failures(doing: str) -> Generator[None]:
-    """Converts every `OSError` inside the `with` block to the matching `StorageError`.
+    """Converts every `OSError` inside the `with` block to the matching `StorageError`, which is raised.
 
     Args:
         doing: Description of the action, in words that follow "cannot".
@@ -147,7 +147,10 @@ def open_regular(path: Path) -> BufferedReader:
 
 
 def version_of(path: Path) -> tuple[int, int, int]:
-    """Returns a file's inode, size and modification time (ns), which change when it is written or replaced."""
+    """Returns a file's inode, size in bytes and modification time in ns, which change when it is written or replaced.
+
+    Raises `StorageError` if the file cannot be looked at.
+    """
     with os_failures(f"read {path}"):
         now = path.lstat()
     return now.st_ino, now.st_size, now.st_mtime_ns

@@ -62,12 +62,12 @@ class MinioUsers:
         return self._ask("look for a user", lambda: self._admin.user_info(name), missing="404") is not None
 
     def ensure(self, name: str, policy: str) -> None:
-        """Creates or changes a user's policy; `new_key` creates the user."""
+        """Creates or changes the policy of a user of the MinIO server; `new_key` creates the user itself."""
         admin: Any = self._admin  # its own types of policies are not complete
         self._ask("make a policy", lambda: admin.policy_add(name, policy=json.loads(policy)))
 
     def new_key(self, name: str) -> tuple[str, str]:
-        """Creates a user with its policy, or gives it a new key; returns key id and secret."""
+        """Creates a user of the MinIO server with its policy, or gives it a new key; returns key id and secret."""
         key = token_urlsafe(_KEY_BYTES)
         self._ask("make a user", lambda: self._admin.user_add(name, key))
         self._ask("set the policy of a user", lambda: self._admin.policy_set(name, user=name))

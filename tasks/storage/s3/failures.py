@@ -97,7 +97,7 @@ _NOT_TRUSTED = (SSLError, ProxyConnectionError)
 
 @contextmanager
 def s3_failures(doing: str, endpoint: str) -> Generator[None]:
-    """Converts exceptions of boto3 inside the `with` block to the matching `StorageError`.
+    """Converts exceptions of boto3 inside the `with` block to the matching `StorageError`, which is raised.
 
     Args:
         doing: Description of the action, in words that follow "cannot".

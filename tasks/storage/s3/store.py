@@ -240,7 +240,10 @@ class S3Store:
     def put_files(
         self, bucket: str, files: dict[str, Path], *, stopped: Stopped = never, tell: Tell = tell_none
     ) -> list[ObjectInfo]:
-        """Uploads many files concurrently; raises the first error after all have ended."""
+        """Uploads many files concurrently, and returns the stored objects in the order of the files.
+
+        Raises the first error once running uploads have ended; further ones are not begun.
+        """
         return put_each(self, bucket, files, stopped, tell, WORKERS_FOR_SMALL)
 
     def put_bytes(self, bucket: str, key: str, data: bytes, *, create_only: bool = False) -> ObjectInfo:
@@ -272,7 +275,7 @@ class S3Store:
         return info
 
     def get_bytes(self, bucket: str, key: str) -> bytes:
-        """Returns the content of an object on the S3 server."""
+        """Returns the content of an object on the S3 server; raises `ObjectNotFoundError` if there is none."""
         _check(bucket, key)
         buffer = BytesIO()
         with self._failures(f"fetch {bucket}/{key}"):
@@ -280,7 +283,7 @@ class S3Store:
         return buffer.getvalue()
 
     def head(self, bucket: str, key: str) -> ObjectInfo:
-        """Returns the metadata of an object on the S3 server."""
+        """Returns the metadata of an object on the S3 server; raises `ObjectNotFoundError` if there is none."""
         _check(bucket, key)
         with self._failures(f"read {bucket}/{key}"):
             return _info(bucket, key, self._head(bucket, key))
@@ -304,7 +307,7 @@ class S3Store:
         yield from sorted(found, key=lambda info: info.key.encode())
 
     def delete(self, bucket: str, key: str) -> None:
-        """Deletes an object; succeeds if there is none."""
+        """Deletes an object from the S3 server; succeeds if there is none."""
         _check(bucket, key)
         with self._failures(f"delete {bucket}/{key}"):
             self._client.delete_object(Bucket=bucket, Key=key)
@@ -335,11 +338,11 @@ class S3Store:
         return f"s3://{bucket}/{key}"
 
     def local_path(self, bucket: str, key: str) -> Path | None:  # noqa: ARG002 - the protocol's signature
-        """Returns `None`: the objects are not local files."""
+        """Returns `None` for every object, as objects on an S3 server are no local files."""
         return None
 
     def _prober(self) -> "S3Client":
-        """Returns a client with short time limits, made on first use; boto3 can make only one at a time."""
+        """Returns a client with short time limits for probes, which is made on first use and then kept."""
         with self._lock:
             if self._probing is None:
                 self._probing = self._connect_prober()
