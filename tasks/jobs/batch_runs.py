@@ -140,7 +140,10 @@ class BatchRun:
             self._lease.forget_lost_workers()
 
     def _abandon(self, reason: str) -> None:
-        """Fails a batch whose backend has no machine for its jobs, after cancelling those that run."""
+        """Fails the batch, after cancelling its running jobs and waiting for their end, as its backend has no machine.
+
+        Requests without a job are recorded as failed.
+        """
         while not self._lease.lost and not self._stop_remaining_jobs():
             time.sleep(_WAIT_S)
         for index in self._waiting():
@@ -288,7 +291,7 @@ class BatchRun:
             self._note_wait(waits)
 
     def _note_workers(self, workers: str) -> None:
-        """Logs once which job workers the batch has."""
+        """Tells the user which job workers the batch has, whenever that changes."""
         if workers != self._workers:
             self._service.report_note(f"{self._batch.id}: {workers}")
             self._workers = workers
@@ -464,7 +467,7 @@ class BatchRun:
         self._failed[str(index)] = FailedRequest(failure_code=code, failure_reason=shorten(reason), failed_at=failed_at)
 
     def _save_failures(self) -> None:
-        """Stores all newly failed requests at once, as the batch's document can be large."""
+        """Stores the newly failed requests, if any, in the batch, all at once, as its document can be large."""
         failed = dict(self._failed)
         if len(failed) > self._saved:
             self._lease.update(BatchProgress(failed=failed, failed_count=len(failed)))

@@ -153,7 +153,7 @@ def remove_overtaken_runs(service: Service) -> list[Path]:
 
 
 def _is_quiet(run: Path) -> bool:
-    """Whether nothing in a run's folder was written lately."""
+    """Whether nothing in a run's folder was written lately, so that no process uses it; false if it cannot be read."""
     with suppress(OSError):
         changed_s = max(path.stat().st_mtime for path in (run, *run.iterdir(), *run.glob("output/*")))
         return time.time() - changed_s > _QUIET_S
@@ -284,7 +284,7 @@ def _misses(document: SimulationJobDocument, run_id: str) -> bool:
 
 
 def _outcome_of(document: SimulationJobDocument) -> Outcome:
-    """Returns the outcome of the job's last run; if its job workers died each time, only that is known."""
+    """Returns the outcome of the job's last run; if none is recorded, a failure with the job's code and reason."""
     return document.outcome or Outcome(
         status="Failed", failure_code=document.failure_code, failure_reason=document.failure_reason
     )

@@ -101,19 +101,19 @@ def environment_here(needed: NeededEnvironment, settings: Settings, environ: Map
 
 
 def _simulations(operation: str, request: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Returns the requests of simulation jobs that a request of an operation contains."""
+    """Returns the requests of simulation jobs in a request: those of a batch, or the request itself; else none."""
     if operation == "StartSimulationJobBatch":
         return list(request.get("createSimulationJobRequests") or ())
     return [request] if operation == "CreateSimulationJob" else []
 
 
 def variable(setting: str) -> str:
-    """Returns the environment variable of a setting."""
+    """Returns the name of the environment variable of a setting, such as `ROBOMAKER_HOME` for `home`."""
     return f"ROBOMAKER_{setting.upper()}"
 
 
 def written(value: object) -> str:
-    """Formats a setting's value as its environment variable is written; `None` if it would not be set."""
+    """Formats a setting's value as its environment variable is written; an empty text for `None`."""
     if value is None:
         return ""
     return os.pathsep.join(map(str, cast("tuple[object, ...]", value))) if isinstance(value, tuple) else str(value)
@@ -171,7 +171,7 @@ def needs_elsewhere(needed: Mapping[str, object] | None, service: Service) -> li
 
 
 def left_jobs(service: Service) -> list[tuple[Resource, JobStanding]]:
-    """Lists the unfinished jobs whose process has died and which only a command continues."""
+    """Lists the unfinished jobs, each with its standing, whose process has died and which only a command continues."""
     jobs = service.catalog.ordered_for_oneself()
     standings = standings_of(jobs, service)
     return [(job, standings[job.arn]) for job in jobs if standings[job.arn].state in ("died", "left")]

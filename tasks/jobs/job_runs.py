@@ -289,7 +289,7 @@ class JobRun:
         return self._kills < MAX_LOST_WORKERS and self._stop_reason() is None
 
     def _after_kill(self, why: str) -> "_Next":
-        """Logs that a run was killed, and waits before the next attempt."""
+        """Logs that a run was killed, waits for a moment, and returns the job's next step: to go on with the run."""
         _logger.warning("%s is tried again: %s", self._lease.job.arn, why.partition("\n")[0])
         time.sleep(self._service.timing.after_kill_s)
         return _Next.GO_ON
@@ -409,7 +409,7 @@ class JobRun:
             _logger.exception("%s keeps its slots until it has ended", self._lease.job.arn)
 
     def _note_crash(self, code: str, reason: str) -> None:
-        """Records a crash in a job that continues after it."""
+        """Records in a job that an application crashed, after which the job goes on; a failure to do so is logged."""
         try:
             self._note_running()
             self._lease.transition("crash", SimulationJobProgress(failure_code=code, failure_reason=shorten(reason)))
@@ -592,7 +592,10 @@ class JobRun:
         return outcome.model_copy(update={"outputs": outputs.place})
 
     def _clean_up(self, run_id: str) -> None:
-        """Deletes the run's local files, except outputs that could not be stored."""
+        """Deletes the run's local files, except outputs that could not be stored.
+
+        Does nothing if another job worker has taken the job over.
+        """
         if self._lease.lost:
             return  # the worker that took over may continue the same run
         clean_up_job(self._folder(run_id).parent, self._document, run_id)

@@ -70,7 +70,10 @@ def stopped(reason: StopReason, words: str) -> Outcome:
 
 
 def overtaken(outcome: Outcome, reason: StopReason | None = None) -> Outcome:
-    """Makes the outcome of a job whose run had completed when the job or its batch was cancelled."""
+    """Returns the outcome of a job whose run had completed when the job or its batch was cancelled.
+
+    Its status is canceled, and it has no verdict.
+    """
     code = reason.value if reason is StopReason.BATCH_CANCELED else None
     without = {"failure_code": code, "verdict": None, "verdict_reason": None}
     return outcome.model_copy(update={"status": "Canceled", **without})
@@ -82,7 +85,10 @@ def failed(code: str, reason: str) -> Outcome:
 
 
 def without_outputs(outcome: Outcome, code: str, reason: str) -> Outcome:
-    """Changes a job's outcome to say that the outputs could not be stored."""
+    """Returns a job's outcome with the failure that its outputs could not be stored.
+
+    A completed job fails with that code, and loses its verdict; another outcome keeps its status and code.
+    """
     reasons = [reason] if outcome.failure_reason is None else [reason, outcome.failure_reason]
     if outcome.status == "Completed":
         without = {"failure_code": None, "verdict": None, "verdict_reason": None}
@@ -123,7 +129,7 @@ class EarlierRuns:
         self._why_stop = why_stop
 
     def keep_restarted(self, run_id: str, ended: RunOutcome) -> None:
-        """Uploads the outputs of a run that was ended by a restart, and records that run in the job."""
+        """Uploads the outputs of a run that was ended by a restart of its job, and records that run in the job."""
         self._keep(run_id, outcome_of(ended, None), restarted=True, finished=ended.finished)
 
     def keep_dead(self, why: str) -> None:

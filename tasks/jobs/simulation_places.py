@@ -30,7 +30,7 @@ def only_finishes(job: Resource, reason: StopReason) -> bool:
 
 
 def _no_turn(_: ExitStack) -> Turn | None:
-    """Does nothing; used for jobs that need no slot of the machine to simulate."""
+    """Returns at once the right to simulate without a wait; for jobs that need no slot of the machine."""
     return Turn({})
 
 

@@ -175,14 +175,17 @@ class GenerationRun:
         self._settle()
 
     def _reused(self, index: int, world_arn: str) -> bool:
-        """Whether an equal world was found that is used in place of generating one."""
+        """Whether an equal world was found and is recorded in place of generating one; false if the job has to stop."""
         if self._stopped() or not reuse_world(self._service, self._job, index, world_arn):
             return False
         self._note_end(world_arn, None)
         return True
 
     def _make_world(self, index: int, world_arn: str, builders: WorldBuilders) -> None:
-        """Generates and stores one world; called from several threads."""
+        """Generates and stores one world, and records it or its failure; several threads call it.
+
+        Does nothing if the job has to stop.
+        """
         if self._stopped():
             return
         failure = generate_world(self._service, self._job, index, world_arn, builders, step_runner())
@@ -229,7 +232,7 @@ class GenerationRun:
             )
 
     def _record_failures(self) -> None:
-        """Stores the failures so far, so that descriptions of the running job contain them."""
+        """Stores the failures so far in the job, if they changed, so that descriptions of the running job have them."""
         summary = _failure_summary(self._failures)
         if summary != (WorldGenerationJobDocument.of(self._lease.job).failures or NO_FAILURES):
             with suppress(StateConflictError):  # another job worker has taken over
