@@ -28,7 +28,7 @@ class Names:
 
     @classmethod
     def of(cls, rows: Iterable[TrialRow], most: int = MAX_COLUMNS) -> "Names":
-        """Collects the names of metrics and requirements from trials, at most `most` of each kind."""
+        """Collects the names of metrics and requirements from trials, at most `most` of each, the first that occur."""
         names = cls(most)
         for row in rows:
             names._add(names.metrics, row.metrics)

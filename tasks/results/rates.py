@@ -46,14 +46,14 @@ def wilson_interval(successes: int, trials: int, quantile: float = _Z_95) -> tup
 
 @dataclass
 class Counts:
-    """Numbers of trials that passed, failed, or ended with an error."""
+    """Numbers of trials that passed, failed, or ended with an error; counts can be added."""
 
     passed: int = 0
     failed: int = 0
     errors: int = 0
 
     def share(self, name: str) -> Share:
-        """Returns the counts as a pass rate with confidence interval."""
+        """Returns these counts as a pass rate with its confidence interval, under a name."""
         return share_of(name, self.passed, self.failed, self.errors)
 
     def __add__(self, other: "Counts") -> "Counts":
@@ -61,7 +61,10 @@ class Counts:
 
 
 def share_of(name: str, passed: int, failed: int, errors: int = 0) -> Share:
-    """Makes a pass rate with confidence interval from counts."""
+    """Returns a pass rate with its confidence interval (Wilson) from counts; without trials it has no rate.
+
+    Trials that ended with an error do not count for the rate.
+    """
     trials = passed + failed
     if not trials:
         return Share(name=name, passed=passed, failed=failed, errors=errors)

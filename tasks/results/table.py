@@ -148,17 +148,17 @@ class ResultTable:
 
     @property
     def axes(self) -> list[str]:
-        """Names of the axes that the trials have."""
+        """Names of the axes that some trial of the run has."""
         return list(self._names("axis."))
 
     @property
     def metrics(self) -> list[str]:
-        """Names of the metrics that the trials have."""
+        """Names of the metrics that some trial of the run has."""
         return list(self._names("metric."))
 
     @property
     def requirements(self) -> list[str]:
-        """Names of the requirements that the trials have."""
+        """Names of the requirements that some trial of the run has."""
         return list(self._names("requirement."))
 
     def values(self, axis: str) -> list[Value | None]:
@@ -205,7 +205,7 @@ class ResultTable:
         return found.to_numpy().astype(np.int8)
 
     def rows_of(self, job: JobRecord) -> range:
-        """Returns the row numbers of a job's trials."""
+        """Returns the numbers of a job's rows, one for each trial; an empty range if the table has none of the job."""
         rows = self._jobs.get((job.step or "", job.label), slice(0, 0))
         return range(rows.start, rows.stop)
 
@@ -346,7 +346,7 @@ def _of_one_type(tables: Sequence["pa.Table"]) -> list["pa.Table"]:
 
 
 def _columns() -> list[str]:
-    """Columns about jobs, in their order: the name stands behind the id."""
+    """Returns the names of the columns about jobs, in their order: the name stands behind the id."""
     after = _OF_JOBS.index("job") + 1
     return [*_OF_JOBS[:after], _NAME, *_OF_JOBS[after:]]
 
