@@ -113,9 +113,10 @@ class Patience:
         return left_s <= 0.0
 
     def _attended(self, call: Callable[[], Result], probe: Callable[[], None], waits: "_Waits") -> Result:
-        """Runs a call in a thread, which is abandoned if the store hangs and waiting is over.
+        """Runs a call in a thread and returns its result; abandons the thread if the store hangs and waiting is over.
 
-        While the store answers probes it is at work, however long the call takes, also when waiting should stop.
+        While the store answers probes it is at work, however long the call takes, also when waiting should stop. Raises
+        the call's own error, or `StorageUnavailableError` when waiting is over.
         """
         outcome, heard = _in_thread(call), False
         silent_since: float | None = None
@@ -204,7 +205,10 @@ class PatientStore(StoreOver):
     def do(
         self, access: Literal["read", "write"], bucket: str, keys: Iterable[str], call: Callable[[], Result]
     ) -> Result:
-        """Calls the wrapped store, repeatedly until it answers; see `Patience.ask`."""
+        """Calls the wrapped store, again after each outage until it answers, and returns the result.
+
+        Raises `StorageUnavailableError` when the time for waiting is over; see `Patience.ask`.
+        """
         del access, keys
         return self.patience.ask(call, lambda: self.behind.probe(bucket))
 
@@ -235,7 +239,7 @@ class PatientStore(StoreOver):
 
 
 def at_once(store: ObjectStore) -> ObjectStore:
-    """Returns the object store without retries, for use while holding a lock."""
+    """Returns the object store without its retries, if it has any, for use while holding a lock."""
     return store.behind if isinstance(store, PatientStore) else store
 
 
@@ -251,5 +255,5 @@ def patiently(store: ObjectStore, bucket: str, call: Callable[[], Result]) -> Re
 
 
 def stopped_of(store: ObjectStore) -> Stopped:
-    """Returns the function that says whether calls of a store have to stop."""
+    """Returns the function that says whether calls of a store have to stop; for stores without retries, never."""
     return store.patience.stopped if isinstance(store, PatientStore) else never

@@ -148,7 +148,10 @@ def worlds_meant(wanted: str, service: Service) -> list[Resource]:
 
 
 def jobs_meant(wanted: str, service: Service) -> list[Resource]:
-    """Lists the simulation jobs that a text may mean, newest first."""
+    """Lists the simulation jobs that a text may mean, newest first: by ARN, id, place in a run, or name.
+
+    The list is empty if there is none; of very many with one name only the newest are listed.
+    """
     if found := _by_arn_or_id(wanted, JOB, service):
         return found
     if found := _in_run(wanted, service):
@@ -202,7 +205,7 @@ def _by_arn_or_id(wanted: str, kind: Kind, service: Service) -> list[Resource]:
 
 
 def _with_label(wanted: str, kind: Kind, service: Service) -> Iterator[Resource]:
-    """Yields all that have the name, newest first: many nights may have made the same world."""
+    """Yields all worlds or jobs that have the name, newest first: many nights may have made the same world."""
     after = None
     while wanted:
         page = service.catalog.list(kind, filters={NAME_LABEL: [wanted]}, limit=_MOST, after=after)

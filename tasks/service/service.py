@@ -105,7 +105,7 @@ BUILTINS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
 
 
 def is_builtin(application: Resource) -> bool:
-    """Whether an application is built in."""
+    """Whether an application of the catalog is one that comes with this package."""
     kind, _ = BUILTINS.get(application.name, (None, None))
     return application.kind == kind
 
@@ -228,7 +228,7 @@ class Service:
     @classmethod
     @contextmanager
     def opened(cls, settings: Settings) -> Generator["Service"]:
-        """Opens the service inside the `with` block; see `open`."""
+        """Opens the service inside the `with` block, and closes its catalog after it; see `open`."""
         service = cls.open(settings)
         try:
             yield service
@@ -237,7 +237,7 @@ class Service:
 
     @classmethod
     def current(cls) -> "Service":
-        """Returns the active service, or the one that the environment variables describe."""
+        """Returns the active service, or else one that the environment variables describe, which is opened then."""
         return _active.get() or _from_environment()
 
     @contextmanager
@@ -250,7 +250,7 @@ class Service:
             _active.reset(token)
 
     def watched_by(self, listener: Callable[[Progress], None], told: Callable[[str], None] | None = None) -> "Service":
-        """Returns the same service with a listener for its progress, and a receiver of its notes."""
+        """Returns a copy of the service that reports progress to `listener`, and notes to `told` if given."""
         return replace(self, report_progress=listener, report_note=told or self.report_note)
 
     def patient(
@@ -294,7 +294,7 @@ class Service:
         return replace(self, store=self.store.over(store) if isinstance(self.store, PatientStore) else store)
 
     def with_blocks(self, read_block: ReadBlock) -> "Service":
-        """Returns the same service whose roles' credentials may be Prefect blocks."""
+        """Returns a copy of the service in which Prefect blocks may hold the credentials of roles."""
         return self if self.roles is None else replace(self, roles=self.roles.with_blocks(read_block))
 
     @property
@@ -305,7 +305,7 @@ class Service:
     def ordered_by(
         self, run_id: str | None, *, reuse: bool, in_campaign: bool = False, mixed: bool = False
     ) -> "Service":
-        """Returns the same service for use by a run of a specification; `None` means by no run."""
+        """Returns a copy of the service for use by a run of a specification; `None` means by no run."""
         return replace(self, spec_run=None if run_id is None else SpecRun(run_id, reuse, in_campaign, mixed))
 
     def folder(self, *parts: str) -> Path:
