@@ -319,7 +319,10 @@ def bare_name(role: str, name: str) -> str:
 
 
 def _check_launch(launch: Mapping[str, Any], application: Resource, place: str) -> None:
-    """Raises an error for a launch configuration that names nothing to start; the job worker tests the rest."""
+    """Raises `InvalidParameterException` for a launch configuration of an archive that names nothing to start.
+
+    The job worker tests the rest.
+    """
     has_archives = bool(ApplicationDocument.of(application).sources)
     if has_archives and not launch.get("command") and not (launch.get("packageName") and launch.get("launchFile")):
         raise InvalidParameterException(

@@ -39,7 +39,7 @@ class ContainerNote:
 
 
 def note_container(folder: Path, note: ContainerNote) -> None:
-    """Stores the record of a container that a run will create."""
+    """Writes the record of a container that a run will create into the run's folder, for its later removal."""
     with (folder / _NOTES).open("a") as notes:
         notes.write(json.dumps(asdict(note)) + "\n")
 
@@ -48,7 +48,8 @@ def note_container(folder: Path, note: ContainerNote) -> None:
 def noted_container(folder: Path, note: ContainerNote, suffix: str = "") -> Iterator[str]:
     """Records on disk a container that is created inside the `with` block, for its removal; yields its suffixed name.
 
-    If another container had the name already, the record is deleted, as that container is not this run's to remove.
+    If another container had the name already, the record is deleted, as that container is not this run's to remove; the
+    error is raised again.
     """
     note = replace(note, name=note.name + suffix)
     note_container(folder, note)
@@ -111,7 +112,7 @@ def has_containers(folder: Path) -> bool:
 
 
 def remove_run(folder: Path) -> bool:
-    """Deletes the folder of a run, unless it has containers left; returns whether it was deleted."""
+    """Deletes the folder of a run, unless it may have containers left; returns whether it was deleted."""
     if has_containers(folder):
         return False
     remove(folder)
@@ -162,7 +163,10 @@ def _notes(folder: Path) -> list[ContainerNote]:
 
 
 def _keep_notes(folder: Path, notes: Sequence[ContainerNote]) -> None:
-    """Replaces the stored list of a run's containers."""
+    """Replaces the stored list of a run's containers; an empty list deletes the file.
+
+    A failure is ignored: too many are noted then, which does no harm.
+    """
     if not notes:
         (folder / _NOTES).unlink(missing_ok=True)
         return

@@ -167,7 +167,7 @@ _RUN_BRIDGE = (
 
 
 def _make(container: Container, note: ContainerNote, folder: Path) -> None:
-    """Creates a container, which is started later.
+    """Creates a container, which is started later; raises `LaunchError` if the engine refuses.
 
     If the client is killed while creating a container, nothing tells whether the engine completes it. So this is not
     cancelled, and is separate from starting the container.

@@ -115,14 +115,17 @@ def without_refusal(variables: Mapping[str, str]) -> dict[str, str]:
 
 
 def container_data_path(variables: Mapping[str, str]) -> dict[str, str]:
-    """Makes the variable by which AWS SDKs in a container find the service's model files."""
+    """Returns the variable by which AWS SDKs in a container find the service's model files, if the job has one."""
     paths = variables.get(DATA_VARIABLE, "").split(os.pathsep)
     found = [f"{AWS}/{name}" for name in (NO_AWS, MODELS) if any(path.endswith(f"{AWS}/{name}") for path in paths)]
     return {DATA_VARIABLE: os.pathsep.join(found)} if found else {}
 
 
 def _copy_model(variables: Mapping[str, str], folder: Path) -> None:
-    """Copies the service's model next to the endpoint lists, as containers do not have the job worker's folders."""
+    """Copies the service's model next to the endpoint lists, as containers do not have the job worker's folders.
+
+    Does nothing if the variables name no model.
+    """
     for place in variables.get(DATA_VARIABLE, "").split(os.pathsep):
         if place and (model := place / _MODEL).is_dir():
             shutil.copytree(model, folder / _MODEL, dirs_exist_ok=True)

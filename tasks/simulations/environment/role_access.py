@@ -23,7 +23,7 @@ _PLACEHOLDERS = ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY")
 
 
 def role_of(request: Mapping[str, Any]) -> str | None:
-    """Returns the ARN of the access role that a job request names."""
+    """Returns the ARN of the access role that a job request names; `None` if it names none."""
     return request.get("iamRole")
 
 
@@ -94,7 +94,7 @@ def access_variables(
 
 
 def container_variables(variables: Mapping[str, str]) -> dict[str, str]:
-    """Converts the variables for use in a container, where files have other paths."""
+    """Returns the AWS variables of a job with the paths that their files have in a container."""
     places = {"AWS_CONFIG_FILE": _CONTAINER_CONFIG, "S3CMD_CONFIG": _S3CFG}
     found = {name: value for name, value in variables.items() if name.startswith("AWS_") and name != DATA_VARIABLE}
     found |= {name: f"{AWS}/{file}" for name, file in places.items() if name in variables}

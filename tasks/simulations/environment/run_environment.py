@@ -108,7 +108,7 @@ class RunEnvironment:
     """Function that creates the ROS packages of the job's world on the first call; `None`: the job has no world."""
 
     def which(self, name: str) -> str | None:
-        """Finds a program on the PATH of the job's processes."""
+        """Returns the path of a program on the PATH of the job's processes; `None` if there is none."""
         return shutil.which(name, path=search_path(self.environ))
 
 

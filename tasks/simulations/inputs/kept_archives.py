@@ -21,7 +21,7 @@ _logger = logging.getLogger(__name__)
 
 
 def key_of(etag: str) -> str:
-    """Returns the key of the kept archive of an ETag."""
+    """Returns the key in the object store of the kept archive of an ETag."""
     return f"{FOLDER}/{etag}"
 
 

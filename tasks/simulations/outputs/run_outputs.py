@@ -106,7 +106,7 @@ class RunOutputs:
             raise LaunchError(f"outputLocation.s3Bucket: {error}", "BadPermissionsS3Output") from error
 
     def rolling(self) -> RollingUploads:
-        """Returns the uploader of files that are finished during the run."""
+        """Returns the uploader, not yet started, of files that programs finish during the run."""
         every_s = self._service.timing.upload_every_s
         store = acting_service(self._request, self._service).store
         room = Room.of(self._service.settings)
@@ -229,7 +229,7 @@ class RunOutputs:
         return self.place, words
 
     def _first_files(self) -> list[FolderFile]:
-        """Returns the files that say how the run went, without listing all outputs."""
+        """Returns the files that say how the run went, as far as they exist, without listing all outputs."""
         found = [FolderFile(name, self.output_dir / name) for name in FIRST]
         return [file for file in found if file.path.is_file() and not _is_linked(file.path)]
 
@@ -371,7 +371,7 @@ def _counted(visit: Visit, index: int, matched: set[int]) -> Visit:
 
 
 def failure_code_of(error: Exception) -> str:
-    """Returns the simulation job's failure code for a failed upload."""
+    """Returns the simulation job's failure code for the error of a failed upload."""
     if isinstance(error, CredentialsRefusedError):
         return "BadPermissionsUserCredentials"
     if isinstance(error, StorageAccessDeniedError | BucketNotFoundError):

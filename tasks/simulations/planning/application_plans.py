@@ -269,7 +269,14 @@ def _plan(
 ) -> tuple[str, Factory | Program]:
     """Adds an application to the plan; returns its name, and the factory or program that starts it.
 
-    With `has_master` another application brings the job's ROS master.
+    Raises `LaunchError` if the application does not exist or cannot be started.
+
+    Args:
+        role: Role of the application.
+        config: Application configuration of the request.
+        run_environment: Folders and variables of the run.
+        planned: Plan to which programs, ports and the ROS bridge are added.
+        has_master: Whether another application brings the job's ROS master.
     """
     launch_config = config["launchConfig"]
     try:
@@ -353,7 +360,7 @@ def _code(role: ApplicationRole, application: Resource, run_environment: RunEnvi
 
 
 def source_for_this_machine(sources: list[StoredSource]) -> StoredSource:
-    """Returns the application's archive for 64-bit x86, or the one for any architecture."""
+    """Returns the archive of an application for 64-bit x86, or for any architecture, else the first one."""
     for source in sources:
         if (source.architecture or "X86_64") == "X86_64":
             return source
@@ -361,7 +368,7 @@ def source_for_this_machine(sources: list[StoredSource]) -> StoredSource:
 
 
 def _of_run(code: Code, run_environment: RunEnvironment) -> Code:
-    """Returns an application's code for programs: a copy of the archive's files, and the job's world."""
+    """Returns an application's code for programs: its archive's files are copied for the run, with the job's world."""
     world = run_environment.world_packages()
     if code.folder is not None:
         code = replace(code, folder=_own_copy(code.folder, run_environment.folder / f"{code.role}-application"))
@@ -371,9 +378,9 @@ def _of_run(code: Code, run_environment: RunEnvironment) -> Code:
 
 
 def _own_copy(bundle: Path, folder: Path) -> Path:
-    """Copies an unpacked archive for a run's programs to write to, since the unpacked one is shared by all jobs.
+    """Copies an unpacked archive, which all jobs share, for a run's programs to write to, and returns the copy.
 
-    The copy shares disk blocks if the file system supports it.
+    The copy shares disk blocks if the file system supports it. Raises `LaunchError` if it cannot be made.
     """
     copied = subprocess.run(["cp", "-r", "--reflink=auto", "--", str(bundle), str(folder)], capture_output=True)
     if copied.returncode:

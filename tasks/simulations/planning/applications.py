@@ -94,7 +94,7 @@ def check_environment(uri: str) -> None:
 
 
 def image_digest(uri: str) -> str | None:
-    """Returns the digest at the end of a container image's name, if any."""
+    """Returns the digest at the end of a container image's name, in small letters; `None` if it has none."""
     digest = uri.rpartition("@")[2]
     return digest.lower() if digest != uri and _DIGEST.fullmatch(digest) else None
 

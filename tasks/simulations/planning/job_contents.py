@@ -251,7 +251,10 @@ def _axes_in(request: Mapping[str, Any]) -> Iterator[Any]:
 
 
 def requirements_in(request: Mapping[str, Any]) -> Iterator[Any]:
-    """Yields the requirements of a request, as its member and its launch variables have them."""
+    """Yields the requirements of a request, as its member and its launch variables have them, unchecked.
+
+    A launch variable that is no JSON list is skipped.
+    """
     yield from request.get("requirements") or ()
     for _, config in application_configs(request):
         text = ((config.get("launchConfig") or {}).get("environmentVariables") or {}).get(REQUIREMENTS_VARIABLE)

@@ -216,7 +216,7 @@ def run_plan(
 
 
 def _variables(document: SimulationJobDocument, sandbox: Sandbox, service: Service, job_id: str) -> dict[str, str]:
-    """Returns the variables of all processes of the run; files that some of them name are written."""
+    """Returns the environment variables of all processes of a run, and writes the files that some of them name."""
     request, caller = document.request, f"{job_id}/{document.call_key}" if document.call_key else ""
     usual = process_variables(sandbox, service.settings, os.environ, caller)
     return access_variables(usual, request, sandbox, service, os.environ)
@@ -233,7 +233,7 @@ def _with_begun_once(plan: RunPlan) -> RunPlan:
 
 
 def _check_trials(plan: RunPlan) -> None:
-    """Raises an error for trials of programs, which cannot be reset between trials."""
+    """Raises `LaunchError` for trials of programs, which cannot be reset between trials."""
     if plan.trials is not None and (plan.has_robot_program or not plan.has_episode):
         role = "robot" if plan.has_robot_program or plan.simulation_application is None else "simulation"
         raise LaunchError(
@@ -279,7 +279,10 @@ def _of_world(request: Mapping[str, Any], service: Service, get: Callable[[Resou
 
 
 def _requirements(document: SimulationJobDocument, world_dir: Path | None) -> list[JobRequirement]:
-    """Returns the job's requirements, after checking that all can be judged in the world."""
+    """Returns the job's requirements, after checking that the rooms they name are in the world.
+
+    Raises `LaunchError` if a room is not.
+    """
     requirements = parse_requirements(document.requirements, "requirements")
     if world_dir is not None and rooms_of(requirements):
         world = World.model_validate_json((world_dir / WORLD_FILE).read_bytes())
@@ -290,7 +293,7 @@ def _requirements(document: SimulationJobDocument, world_dir: Path | None) -> li
 
 
 def world_arn(request: Mapping[str, Any]) -> str | None:
-    """Returns the ARN of the world that a request names, if any."""
+    """Returns the ARN of the world that a request names; `None` if it names none."""
     applications = request.get("simulationApplications") or [{}]
     worlds = applications[0].get("worldConfigs") or [{}]
     return worlds[0].get("world")

@@ -53,7 +53,10 @@ def bridge_plan(
 
 
 def _domain(variables: Mapping[str, str], domain: int) -> int:
-    """Returns the ROS 2 domain of the nodes: the job's, unless their launch configuration sets another."""
+    """Returns the ROS 2 domain number of the nodes: the job's, unless their launch configuration sets another.
+
+    Raises `LaunchError` if that is no valid number.
+    """
     text = variables.get(DOMAIN_VARIABLE)
     if text is None:
         return domain

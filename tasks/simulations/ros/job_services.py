@@ -50,7 +50,7 @@ def make_message_package(argv: Sequence[str], variables: Mapping[str, str]) -> b
 
 
 def message_variables(folder: Path, variables: Mapping[str, str]) -> dict[str, str]:
-    """Adds the ROS message package of the job services to a program's environment variables."""
+    """Returns the variables by which a program finds the job services' ROS message package, after its own paths."""
     places = {"PYTHONPATH": folder / "python", "ROS_PACKAGE_PATH": folder / "share"}
     return {name: os.pathsep.join([*filter(None, [variables.get(name)]), str(place)]) for name, place in places.items()}
 

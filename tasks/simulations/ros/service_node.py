@@ -67,7 +67,7 @@ def make(folder: str) -> int:
 
 
 def find(_folder: str) -> int:
-    """Checks that the ROS 2 message package of the job services has been built."""
+    """Returns 0 if the ROS 2 message package of the job services has been built; else raises `ImportError`."""
     import_module("rclpy")
     import_module(f"{PACKAGE}.srv")
     return 0
@@ -88,7 +88,7 @@ def serve(folder: str) -> None:
 
 
 def serve_2(folder: str) -> None:
-    """Runs the ROS 2 node that offers the job services."""
+    """Runs the ROS 2 node that offers the job's services (cancelling and tags) until ROS ends it."""
     rclpy, srv = import_module("rclpy"), import_module(f"{PACKAGE}.srv")
     rclpy.init()
     node = rclpy.create_node(NAME)
@@ -98,7 +98,7 @@ def serve_2(folder: str) -> None:
 
 
 def answered(folder: str, operation: str, request: Any, response: Any) -> Any:
-    """Makes the ROS service response from the job worker's answer."""
+    """Passes a ROS service request on to the job worker, and returns the response, filled with the worker's answer."""
     told = ask(folder, {**SERVICES[operation][1](request), "operation": operation})
     response.success, response.message = told["success"], told["message"]
     if operation == "list_tags":
