@@ -122,7 +122,7 @@ class Slots:
 
     @property
     def count(self) -> int:
-        """Number of concurrency slots of a batch that this worker holds."""
+        """Number of the batch's concurrency slots that this process holds, free ones and used ones."""
         with self._changed:
             return len(self._free) + len(self._used)
 
@@ -204,14 +204,17 @@ class Slots:
                 self._free.remove(lease)
 
     def _follow_limit(self) -> None:
-        """Releases slots above the limit, and takes free ones below it."""
+        """Reads the batch's limit from the Prefect server, releases free slots above it, and takes slots up to it."""
         self._limit = self._connection.read_global_concurrency_limit_by_name(self.name).limit
         while surplus := self._surplus():
             self._give_back(surplus)
         self._take_what_there_is()
 
     def _surplus(self) -> UUID | None:
-        """Returns a free slot above the limit; slots in use are released when their jobs have ended."""
+        """Takes a free slot that is above the limit out of the free ones, and returns it; `None` if there is none.
+
+        Slots in use are released when their jobs have ended.
+        """
         with self._changed:
             too_many = len(self._free) + len(self._used) > self._limit
             return self._free.pop() if too_many and self._free else None

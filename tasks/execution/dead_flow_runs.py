@@ -331,7 +331,7 @@ def _with_event(client: SyncPrefectClient, runs: list[UUID], event: str, since: 
 
 
 def _with_states(states: Collection[StateType]) -> dict[str, Any]:
-    """Returns the part of a run filter that selects some states."""
+    """Returns the part of a filter of Prefect runs that selects runs in these types of state."""
     return {"type": {"any_": list(states)}}
 
 
@@ -353,7 +353,7 @@ def _ended_since(since: datetime, states: list[StateType], before: datetime | No
 
 
 def _open_parts(client: SyncPrefectClient, ours: FlowFilter) -> list[FlowRun]:
-    """Returns the open subflow runs of this project's flows."""
+    """Reads from the Prefect server the subflow runs of this project's flows that have not ended."""
     chosen = _flow_runs(state=_with_states(_OPEN), parent_task_run_id={"is_null_": False})
     return client.read_flow_runs(flow_filter=ours, flow_run_filter=chosen)
 

@@ -137,7 +137,10 @@ Summary: TypeAlias = Callable[[Sequence[State[Any]]], str]
 
 
 def in_words(states: Sequence[State[Any]]) -> str:
-    """Summarises the failures of a map: `3 of 1000 items did not complete: 2 Failed, 1 TimedOut; item 17: ...`."""
+    """Summarises the failures of a map: `3 of 1000 items did not complete: 2 Failed, 1 TimedOut; item 17: ...`.
+
+    If all items completed, the text says so.
+    """
     bad = [(index, state) for index, state in enumerate(states) if not state.is_completed()]
     if not bad:
         return f"all {len(states)} items completed"
@@ -314,7 +317,7 @@ class _MapRun:
 
 
 def _state_of(ended: Ended) -> State[Any]:
-    """Waits for an item or a task run to end, and returns its final state."""
+    """Waits for an item or a task run to end, and returns its final state; an error becomes a failed state."""
     try:
         return ended.result()
     except concurrent.futures.CancelledError:

@@ -85,7 +85,10 @@ def wait_if_ending() -> None:
 
 @contextmanager
 def _ended(exit_code: int) -> Generator[None]:
-    """Ends this process after the `with` block, whatever fails in it, without waiting for threads that still run."""
+    """Ends this process with an exit code after the `with` block, whatever fails in it; errors are logged.
+
+    Threads that still run are not waited for, and no clean-up code of the program runs.
+    """
     _ending.set()
     try:
         yield

@@ -131,7 +131,7 @@ class RunWatch:
                 self._wait(runs)
 
     def _to_watch(self) -> dict[UUID, _Watched]:
-        """Returns the watched flow runs; the thread ends when no run is left."""
+        """Returns the watched flow runs; empty, which ends the thread, if none is left or the main thread has ended."""
         with self._changed:
             runs = dict(self._runs) if threading.main_thread().is_alive() else {}
             self._is_running = bool(runs)

@@ -128,21 +128,21 @@ Result = TypeVar("Result")
 
 
 class RunStep(Protocol):
-    """Interface of a function that runs a step: `directly` or `as_task`."""
+    """Interface of a function that runs a part of a job as a step: as a plain call or as a Prefect task run."""
 
     def __call__(self, name: str, part: Callable[[], Result], /) -> Result:
-        """Runs a part of a job as the step `name` and returns what it returns."""
+        """Runs a part of a job as a step with that name, and returns the part's result."""
         ...
 
 
 def directly(name: str, part: Callable[[], Result], /) -> Result:
-    """Runs a step as a plain function call, for jobs of a batch, which have a task run each already."""
+    """Runs a part of a job as a plain function call, and returns its result; for jobs that have a task run already."""
     with span(name):
         return part()
 
 
 def as_task(name: str, part: Callable[[], Result], /) -> Result:
-    """Runs a step as a Prefect task run of the current flow run."""
+    """Runs a part of a job as a Prefect task run of the current flow run, named as the step, and returns its result."""
     with span(name):
         return _task(name)(part)
 
@@ -172,7 +172,10 @@ def shown_as(name: str, message: str) -> Generator[None]:
 
 
 def show_note(key: str, markdown: str) -> None:
-    """Stores a note as a Markdown artifact of the running flow; notes of the same key form a history."""
+    """Stores a note as a Markdown artifact of the running flow; notes of the same key form a history.
+
+    Does nothing outside a flow run.
+    """
     if _flow_run() is not None:
         from .prefect_artifacts import show_text
 

@@ -21,7 +21,7 @@ _EVENTS = ("terminate", "fail", "canceled")
 
 @dataclass(frozen=True)
 class GivenUp:
-    """Defines how a kind of job is marked as failed from outside, when it cannot be run any more."""
+    """Failure code, and function that tells others, by which a kind of job is failed when it cannot be run any more."""
 
     failure_code: str
     """Failure code that jobs of a kind get when they are given up."""
@@ -35,7 +35,7 @@ def _given_up(kind: str) -> GivenUp | None:
 
 
 def why_not_retried(lease: Lease, service: Service) -> str | None:
-    """Returns the reason why a job has reached its retry limit; `None` if it may run."""
+    """Returns the reason why a job is not begun again, as too many job workers died while they ran it; else `None`."""
     most = _MOST_OF_BATCHES if lease.job.kind == "simulation-job-batch" else MAX_LOST_WORKERS
     lost = service.catalog.lost_workers(lease.job.arn)
     if lost < most:

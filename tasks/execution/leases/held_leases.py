@@ -37,7 +37,7 @@ def new_owner() -> str:
 
 @cache
 def _role() -> str:
-    """Returns the program's name for people, as part of lease owner names."""
+    """Returns the name of this program for people, which is the last part of lease owner names."""
     return role_of(getattr(getattr(sys.modules["__main__"], "__spec__", None), "name", ""), sys.argv)
 
 

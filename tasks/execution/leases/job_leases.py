@@ -57,14 +57,27 @@ class Lease:
     def transition(
         self, event: str, changes: Changes | None = None, labels: Mapping[str, Sequence[str]] | None = None
     ) -> Resource:
-        """Applies an event to the job's status and updates its document and labels; returns the updated job."""
+        """Applies an event to the job's status, updates its document and labels, and returns the updated job.
+
+        Args:
+            event: Event of the kind's lifecycle, such as `start`.
+            changes: Members of the document to set.
+            labels: Labels that replace the job's.
+
+        Raises:
+            LeaseLostError: Another job worker has taken the job over.
+            StateConflictError: The event is not possible in the job's status.
+        """
         with self._noticing_loss():
             catalog, arn = self._service.catalog, self.job.arn
             self.job = catalog.transition(arn, event, document_changes=changes, owner=self._owner, labels=labels)
         return self.job
 
     def update(self, changes: Changes | Callable[[Stored], Changes]) -> Resource:
-        """Sets members of the job's document, see `Catalog.update`; safe to call from several threads."""
+        """Sets members of the job's document in the catalog, and returns the updated job; several threads may call it.
+
+        Raises `LeaseLostError` if another job worker has taken the job over. See `Catalog.update`.
+        """
         with self._noticing_loss():
             self.job = self._service.catalog.update(self.job.arn, changes, owner=self._owner)
         return self.job
