@@ -288,7 +288,10 @@ def _key(thing: Folder | Single) -> str:
 
 
 def _done(finding: Finding, mend: partial[object]) -> Finding:
-    """Repairs a finding; a failure is recorded in the finding, and does not end the check."""
+    """Repairs a finding by calling `mend`, and returns it marked as mended, or with the failure in its detail.
+
+    Raises `StorageUnavailableError` if the object store is away; other failures do not end the check.
+    """
     try:
         mend()
     except StorageUnavailableError:
