@@ -20,7 +20,7 @@ _AGAIN_S = 600.0
 
 
 class Notices:
-    """Decides which waits for machine resources are reported to the user."""
+    """Decides when a wait for resources of this machine is told to the user: once it lasts, and not too often."""
 
     def __init__(self) -> None:
         self._scarce: Scarce | None = None

@@ -83,7 +83,7 @@ class SlotFiles:
         return None
 
     def give_back(self, slot: int) -> None:
-        """Frees a slot, also where a child process has inherited it."""
+        """Frees a slot by unlocking and closing its lock file, also where a child process has inherited it."""
         fcntl.flock(slot, fcntl.LOCK_UN)
         os.close(slot)
 
@@ -144,7 +144,7 @@ class WaiterFiles:
         unfinished.replace(self._folder / ticket)
 
     def remove(self, ticket: str) -> None:
-        """Withdraws the announcement that a process waits for a slot."""
+        """Deletes the file by which a process announces that it waits for a slot; does nothing if it is gone."""
         (self._folder / ticket).unlink(missing_ok=True)
 
     def read(self, now_s: float) -> dict[str, WaiterRecord]:
