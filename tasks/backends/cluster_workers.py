@@ -119,7 +119,7 @@ class Staffing:
             raise BackendError(f"no machine of {self._place} can run jobs: {'; '.join(self._reasons())}")
 
     def _reasons(self) -> list[str]:
-        """Returns the reasons why machines of the cluster have no job worker."""
+        """Returns the reasons why machines of the cluster have no job worker, each once, and the number of more."""
         idle = [self._machines[name] for name in self._present if name in self._machines]
         reasons = list(dict.fromkeys(machine.reason for machine in idle if machine.reason and not machine.runs))
         more = len(reasons) - _MOST_REASONS
@@ -205,7 +205,7 @@ class ClusterWorkers:
         self._thread.start()
 
     def end(self) -> None:
-        """Ends all job workers of the batch."""
+        """Ends the thread and all job workers of the batch on the cluster, waiting a limited time for each."""
         self._over.set()
         self._thread.join(_PATIENCE_S)
         self._cluster.end_all(_PATIENCE_S)

@@ -274,12 +274,12 @@ class PoolRuns:
         )
 
     def _take_back_some(self, alive: list[FlowRun], count: int) -> None:
-        """Cancels `count` of the flow runs that are waiting; running ones continue."""
+        """Deletes up to `count` of the job workers' flow runs that no Prefect worker has taken; the others continue."""
         for run in [run for run in alive if _is_waiting(run)][:count]:
             self._delete(run)
 
     def _delete(self, run: FlowRun) -> None:
-        """Deletes a waiting flow run, so that no Prefect worker begins it."""
+        """Cancels and deletes a waiting flow run, so that no Prefect worker begins it; one just taken stays."""
         words = "the batch needs no further job worker"
         # Told first: a worker that has just taken it sees a state that it knows.
         answer = self._client.set_flow_run_state(run.id, Cancelled(message=words))
@@ -310,12 +310,12 @@ def _is_waiting(run: FlowRun) -> bool:
 
 
 def _ran_s(run: FlowRun) -> float:
-    """Returns how long a flow run has been running, in seconds."""
+    """Returns the time, in seconds, for which a flow run ran or has been running; 0 if it has not started."""
     if run.start_time is None:
         return 0.0
     return ((run.end_time or datetime.now(UTC)) - run.start_time).total_seconds()
 
 
 def _age_s(run: FlowRun) -> float:
-    """Returns how long a flow run has been in its current state, in seconds."""
+    """Returns the time, in seconds, for which a flow run has been in its present state; 0 if it has none."""
     return 0.0 if run.state is None else (datetime.now(UTC) - run.state.timestamp).total_seconds()

@@ -75,7 +75,7 @@ class RayCluster:
 
 
 class _Started:
-    """Ray task that runs a job worker."""
+    """Job worker that was started as a task on a Ray node, with the means to see whether it has ended."""
 
     def __init__(self, ray: Any, host: str, reference: Any) -> None:
         self.reference = reference

@@ -43,7 +43,7 @@ class WorkPool:
     look_s: float = _LOOK_S
 
     def check(self) -> None:
-        """Checks that the work pool exists and has a deployment of the job worker."""
+        """Raises `BackendError` if the Prefect server has no such work pool, or no deployment of the job worker."""
         from .pool_runs import opened_pool
 
         with opened_pool(self.name, self.most, batch="", wanted=1):
