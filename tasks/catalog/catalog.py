@@ -343,9 +343,11 @@ class Catalog(CatalogLeases):
         return self._change(arn, owner, compute)
 
     def _change(self, arn: str, owner: str | None, compute: Callable[[RowMapping], dict[str, Any]]) -> Resource:
-        """Changes a resource's row by compare-and-set with the values that `compute` returns.
+        """Changes a resource's row by compare-and-set with the values that `compute` returns, and returns the resource.
 
-        The change is repeated if another process changed the row meanwhile.
+        The change is repeated if another process changed the row meanwhile. Raises `StateConflictError` if `owner` does
+        not hold the lease, `ResourceNotFoundException` if there is no such resource, and an error after too many
+        attempts.
         """
         for _ in range(_MAX_ATTEMPTS):
             with self._transaction(self._writer) as connection:
@@ -391,7 +393,7 @@ class Catalog(CatalogLeases):
 
 
 def _changed(document: Stored, change: Change) -> Stored:
-    """Returns a document after a change; a whole document replaces it."""
+    """Returns a stored document after a change: `Changes` set some members, a whole document replaces it."""
     if isinstance(change, Document):
         return change.to_json()
     return {**document, **change.to_json()} if isinstance(change, Changes) else dict(change)

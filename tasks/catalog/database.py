@@ -76,7 +76,7 @@ def writing(engine: Engine) -> Engine:
 
 
 def reading_once(engine: Engine) -> Engine:
-    """Returns the database engine without transactions, for single read statements; this is faster with SQLite."""
+    """Returns a view of the database engine without transactions, for single read statements: faster with SQLite."""
     return engine.execution_options(catalog_reads_once=True)
 
 

@@ -244,7 +244,7 @@ class CatalogLeases(CatalogReader):
             return tuple(resource_of(row) for row in connection.execute(oldest_first).mappings())
 
     def ordered_for_oneself(self) -> tuple[Resource, ...]:
-        """Lists unfinished jobs that only the process which ordered them was to run, oldest first."""
+        """Lists the unfinished jobs that only the process which ordered them was to run, oldest first, held or not."""
         living = or_(
             *(and_(resources.c.kind == kind, resources.c.status.in_(alive(kind))) for kind in LIFECYCLES),
         )

@@ -51,7 +51,7 @@ _REVISIONS = (
 
 
 class CatalogReader:
-    """Read-only access to the catalog, the database of all resources; `Catalog` adds the changes."""
+    """Read access to the catalog, the database of all resources; its subclass `Catalog` adds the changes."""
 
     def __init__(self, url: str, clock: Callable[[], datetime]) -> None:
         self._engine = open_engine(url)
@@ -141,7 +141,7 @@ class CatalogReader:
             return tuple(resource_of(row) for row in connection.execute(query).mappings())
 
     def children(self, parent: str, kind: str) -> tuple[Resource, ...]:
-        """Lists the children of a resource (such as the jobs of a batch), oldest first."""
+        """Lists the children of one kind of a resource (such as the jobs of a batch), oldest first."""
         query = select(*COLUMNS).where(resources.c.parent == parent, resources.c.kind == kind)
         with self._transaction(self._engine) as connection:
             return tuple(
@@ -149,7 +149,7 @@ class CatalogReader:
             )
 
     def child_revisions(self, parent: str, kind: str) -> dict[str, int]:
-        """Returns the revision numbers of a resource's children, by ARN, to find out which have changed."""
+        """Returns the revision numbers of a resource's children, by ARN; each change of a child raises its number."""
         with self._transaction(self._once) as connection:
             return {row[0]: row[1] for row in connection.execute(_REVISIONS, {"of": parent, "each": kind})}
 
@@ -174,7 +174,7 @@ class CatalogReader:
             return {row[0]: row[1] for row in connection.execute(query.group_by(resources.c.parent))}
 
     def count_children(self, parent: str, kind: str) -> dict[str, int]:
-        """Counts the children of a parent, by status."""
+        """Counts the children of one kind of a resource by their status; statuses without any are left out."""
         with self._transaction(self._once) as connection:
             return {row[0]: row[1] for row in connection.execute(_STATUSES, {"of": parent, "each": kind})}
 
@@ -256,7 +256,7 @@ class CatalogReader:
         return self._engine.url.render_as_string(hide_password=True)
 
     def children_standing(self, parent: str, kind: str) -> dict[str, str]:
-        """Returns the statuses of a resource's children, by ARN."""
+        """Returns the statuses of a resource's children of one kind, by their ARN."""
         query = select(resources.c.arn, resources.c.status).where(
             resources.c.parent == parent, resources.c.kind == kind
         )
