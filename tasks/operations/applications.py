@@ -218,7 +218,7 @@ _ATTEMPTS = 10
 
 
 class _ChangedMeanwhile(Exception):
-    """Raised when an application has another revision than the one whose archives were checked."""
+    """Raised when another request changed an application after its archives were checked, to try again."""
 
 
 def create_version(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> dict[str, Any]:

@@ -114,7 +114,11 @@ class Operation:
 
     @contextmanager
     def _own_errors(self) -> Iterator[None]:
-        """Converts errors inside the `with` block to those that clients of the operation know."""
+        """Converts errors inside the `with` block to those that clients of the operation know.
+
+        Errors of the service itself, and those that the operation declares, pass; others become
+        `InvalidParameterException`.
+        """
         try:
             yield
         except ServiceError as error:
@@ -175,7 +179,7 @@ def operation(name: str, *, perform: JobRunner | None = None) -> Callable[[Handl
 
 @cache
 def registry() -> Mapping[str, Operation]:
-    """Returns all API operations, by name."""
+    """Returns all API operations with their handlers, by name; the first call imports the modules that have them."""
     for module in MODULES:
         importlib.import_module(module.replace(".schemas.", ".tasks.", 1))
     return dict(sorted(_registry.items()))
@@ -203,7 +207,7 @@ def call(name: str, data: Mapping[str, Any], service: Service) -> dict[str, Any]
 
 
 def flow_names() -> set[str]:
-    """Returns the names of this package's flows in Prefect."""
+    """Returns the names that this package's flows have in Prefect: of operations, of their jobs, and `RunPipeline`."""
     operations = registry().values()
     performing = {entry.perform_name for entry in operations if entry.run_job}
     return {"RunPipeline", *performing, *(entry.name for entry in operations)}

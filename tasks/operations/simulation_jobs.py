@@ -66,7 +66,11 @@ def perform_simulation_job(arn: str, service: Service) -> None:
 
 @operation("CreateSimulationJob", perform=perform_simulation_job)
 def create_simulation_job(request: CreateSimulationJobRequest, service: Service) -> Answer:
-    """Handles `CreateSimulationJob`: stores a job after checking that its applications, world and data exist."""
+    """Handles `CreateSimulationJob`: stores a job after checking that its applications, world and data exist.
+
+    Returns its description; the job is not run here. Where results are reused, the new job has finished already if an
+    earlier job with the same inputs has results.
+    """
     token = ClientToken.of("CreateSimulationJob", request)
     service = service.with_blocks(read_credential_block)
     job = reuse_job(request, service, token=token) if service.reuses else None
@@ -86,7 +90,10 @@ def describe_simulation_job(request: DescribeSimulationJobRequest, service: Serv
 def batch_describe_simulation_job(
     request: BatchDescribeSimulationJobRequest, service: Service
 ) -> BatchDescribeSimulationJobResponse:
-    """Handles `BatchDescribeSimulationJob`: returns the descriptions of several simulation jobs."""
+    """Handles `BatchDescribeSimulationJob`: returns the descriptions of several simulation jobs.
+
+    ARNs without a job are listed as unprocessed.
+    """
     found = {arn: job for arn, job in service.catalog.get_many(request.jobs).items() if job.kind == KIND}
     jobs = [SimulationJob.model_validate(describe(found[arn])) for arn in request.jobs if arn in found]
     missing = [arn for arn in request.jobs if arn not in found]
@@ -95,7 +102,7 @@ def batch_describe_simulation_job(
 
 @operation("ListSimulationJobs")
 def list_simulation_jobs(request: ListSimulationJobsRequest, service: Service) -> Answer:
-    """Handles `ListSimulationJobs`: lists jobs, at most 100 in a page."""
+    """Handles `ListSimulationJobs`: returns a page of jobs, newest first, and a token for the next page."""
     page = page_of(request, KIND, service, "status", "simulationApplicationName", "robotApplicationName")
     return {"simulationJobSummaries": [summary(job) for job in page.resources], "nextToken": page.next_token}
 
