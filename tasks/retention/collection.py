@@ -122,7 +122,7 @@ def _choose(policy: RetentionPolicy, service: Service) -> _Chosen:
 
 
 def _thins(unit: Unit, policy: RetentionPolicy) -> bool:
-    """Whether a unit that no rule keeps is only thinned; an incomplete one is deleted."""
+    """Whether a unit that no rule keeps is only thinned, so that its results stay; else it is deleted."""
     return policy.keep_results and not unit.candidate.begun and (unit.record is not None or unit.folder is None)
 
 
@@ -131,7 +131,7 @@ def _gone(policy: RetentionPolicy, chosen: _Chosen) -> list[Unit]:
 
 
 def _removed(policy: RetentionPolicy, chosen: _Chosen) -> Set[str]:
-    """Returns the ARNs of the jobs that are deleted."""
+    """Returns the ARNs of the jobs that are deleted: those of deleted units, without jobs that kept items name."""
     return {arn for unit in _gone(policy, chosen) for arn in unit.jobs} - chosen.holders.keys()
 
 

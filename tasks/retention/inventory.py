@@ -128,7 +128,10 @@ def with_jobs_of(orders: Mapping[str, str], service: Service) -> dict[str, str]:
 
 
 def open_since(runs: list[Unit]) -> datetime | None:
-    """Returns the start of the oldest run that may still be running; newer resources may belong to it."""
+    """Returns the start of the oldest run that may still be running; newer resources may belong to it.
+
+    Returns `None` if no run may be running.
+    """
     return min((_begun(run) for run in runs if run.record is None and run.candidate.busy), default=None)
 
 
@@ -191,7 +194,7 @@ def _unrecorded(folder: Path, service: Service) -> Unit:
 
 
 def _begun(run: Unit) -> datetime:
-    """Returns when a run without a record began, from its folder's name."""
+    """Returns the time at which a run without a record began, from its folder's name, or else an early guess."""
     try:
         return datetime.strptime(run.candidate.id.rpartition("-")[2] + "000", "%Y%m%dT%H%M%S%f").replace(tzinfo=UTC)
     except ValueError:

@@ -40,12 +40,12 @@ _LEASE_S = 120.0
 
 
 class StillInUse(RobomakerError):
-    """Raised when a resource to be deleted is in use since it was chosen."""
+    """Raised when a run or job that is to be deleted has come into use since it was chosen."""
 
 
 @dataclass(frozen=True)
 class Amount:
-    """Number of files and bytes that are deleted."""
+    """Number and bytes of files that are or would be deleted; amounts can be added."""
 
     objects: int = 0
     size_bytes: int = 0
@@ -151,7 +151,10 @@ def _remove_job(job: Resource, service: Service) -> None:
 
 
 def _remove_folder(folder: Path) -> None:
-    """Deletes the folder of a job; raises an error if a container of it is left, since the folder records that."""
+    """Deletes the folder of a job with its containers; does nothing if there is none.
+
+    Raises `StorageError` if a container cannot be removed, since the folder records that container.
+    """
     if not folder.is_dir():
         return
     remove_containers_of_job(folder)
@@ -241,7 +244,7 @@ def _copy(bundle: StoredPlace, service: Service) -> Path:
 
 
 def on_disk(folder: Path) -> Amount:
-    """Measures the files below a folder; unreadable ones are left out."""
+    """Returns the number and bytes of the files below a folder; unreadable ones are left out."""
     total = Amount()
     for path in folder.rglob("*"):
         with suppress(OSError):
