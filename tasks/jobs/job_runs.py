@@ -375,11 +375,7 @@ class JobRun:
         return _Next.NONE
 
     def _simulated(self, plan: RunPlan) -> RunOutcome:
-        """Starts the programs of a run plan, waits until they have ended or are stopped, and returns how the run ended.
-
-        Meanwhile the job's ROS services are answered, crashes and finished trials are noted, and a killed run is
-        repeated as allowed.
-        """
+        """Starts the programs of a run plan, waits until they have ended or are stopped, and returns the run's end."""
         with answering(plan.root_dir, plan.job_arn, self._service):
             return launcher().run(
                 plan,
@@ -592,10 +588,7 @@ class JobRun:
         return outcome.model_copy(update={"outputs": outputs.place})
 
     def _clean_up(self, run_id: str) -> None:
-        """Deletes the run's local files, except outputs that could not be stored.
-
-        Does nothing if another job worker has taken the job over.
-        """
+        """Deletes the run's local files, except outputs not stored; does nothing if another job worker has the job."""
         if self._lease.lost:
             return  # the worker that took over may continue the same run
         clean_up_job(self._folder(run_id).parent, self._document, run_id)

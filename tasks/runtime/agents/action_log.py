@@ -86,7 +86,14 @@ def header_of(mode: Literal["lockstep", "free"], layout: Layout) -> ActionLogHea
 
 
 def chunk_of(kind: bytes, count: int, first: int, content: bytes) -> bytes:
-    """Makes a chunk (header and content) of an action log."""
+    """Returns a chunk (header and content) of an action log as bytes.
+
+    Args:
+        kind: Form of the content, plain or packed.
+        count: Number of its actions.
+        first: Number of its first action.
+        content: The actions.
+    """
     return _CHUNK.pack(kind, count, len(content), first, _checksum(count, first, content)) + content
 
 
@@ -117,7 +124,7 @@ class ActionLog:
             raise ActionLogError(f"{path} is no log of actions: {where}: {problem['msg']}") from error
 
     def __iter__(self) -> Iterator[bytes]:
-        """Yields the actions in order, up to the last whole chunk."""
+        """Yields the actions in order, each as bytes, up to the last whole chunk; a damaged end is left out."""
         with open_left(self._path) as file:
             file.seek(self._begin)
             number = 0
@@ -307,7 +314,7 @@ class ActionRecorder:
             self._give_up(error)
 
     def keep(self, action: bytes) -> None:
-        """Records one robot action, that of the next simulation step."""
+        """Records the robot's action in the next simulation step; after a failed write the run has no action log."""
         if self._writer is not None:
             try:
                 self._writer.add(action)
@@ -316,7 +323,7 @@ class ActionRecorder:
                 self._give_up(error)
 
     def close(self) -> None:
-        """Completes the action log; it can then be replayed."""
+        """Completes the action log and sets its summary; it can then be replayed."""
         if self._writer is not None:
             try:
                 self.summary = self._writer.close()

@@ -104,7 +104,7 @@ class FrameBuffer:
         return memoryview(self._buffer)[self._end :]
 
     def received(self, count: int) -> None:
-        """Tells the buffer how many bytes were received into its free space."""
+        """Counts bytes that were received into the buffer's free space as content of messages."""
         self._end += count
 
     def next(self) -> tuple[int, memoryview] | None:
@@ -135,7 +135,7 @@ class FrameBuffer:
 
 
 def words(kind: int, content: dict[str, Any]) -> bytes:
-    """Encodes a JSON message: ASCII, no blanks, members in their given order."""
+    """Encodes a JSON message of the agent protocol: header, then ASCII without blanks, members in their given order."""
     payload = json.dumps(content, separators=(",", ":"), allow_nan=False).encode("ascii")
     return HEADER.pack(len(payload), kind) + payload
 
@@ -200,7 +200,7 @@ class ArraySpec:
             raise ValueError(f"{self}: {error}") from error
 
     def _numpy_bound(self, bound: Any, unbounded: float) -> Any:
-        """Returns a bound of an observation's or action's array as dm_env has it: one number, or an array."""
+        """Returns a bound of an array as dm_env has it: one number, or one for each item; None without a bound."""
         if bound is None:
             return None
         if isinstance(bound, list):
@@ -379,13 +379,16 @@ class Simulation:
             self.act(action)
 
     def end(self) -> None:
-        """Tells the simulation that the robot is done, which ends the run normally."""
+        """Tells the simulation that the robot is done, which ends the run normally; does nothing after the end."""
         if self.ended_by is None:
             self.ended_by = "agent"
             self._say(END, {})
 
     def fail(self, error: str) -> None:
-        """Tells the simulation that the robot cannot continue, which fails the job with this reason."""
+        """Tells the simulation that the robot cannot continue, which fails the job with this reason.
+
+        Does nothing after the end.
+        """
         if self.ended_by is None:
             self.ended_by = "failed"
             self._say(ERROR, {"error": error})

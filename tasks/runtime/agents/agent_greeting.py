@@ -155,7 +155,7 @@ class Greeter:
         return f"the program of robot application {self._robot} {self._did} within {timeout_s:g} s"
 
     def _early_end_error(self) -> LaunchError:
-        """Makes the error for a robot process that exited with code 0 before its greeting; others are crashes."""
+        """Returns, without raising it, the error for a robot program that exited with code 0 before its greeting."""
         return LaunchError(
             f"the program of robot application {self._robot} ended with exit code 0 without {self._lacks} the "
             f"simulation; it has to drive it over the Unix socket that {SOCKET_VARIABLE} names"

@@ -39,11 +39,11 @@ class ArrayField:
 
     @property
     def where(self) -> str:
-        """Path of the array as text, for error messages."""
+        """Path of the array in the observation or action as text, for error messages; empty if it is the whole."""
         return "/".join(map(str, self.path))
 
     def view(self, content: bytearray | memoryview) -> NDArray[Any]:
-        """Returns the array in a message's content as a NumPy view."""
+        """Returns the array in a message's content as a NumPy view, which shares the content's memory."""
         return np.ndarray(self.shape, self.dtype, content, self.offset)
 
     def describe(self) -> dict[str, Any]:

@@ -163,7 +163,10 @@ def read_words(payload: memoryview) -> dict[str, Any]:
 
 
 def _with_shape(value: Any, field: ArrayField) -> NDArray[Any]:
-    """Converts an action's numbers or nested lists to an array of the expected shape."""
+    """Converts numbers or nested lists of an observation to an array of the expected shape.
+
+    Raises `ObservationError` if that is not possible.
+    """
     try:
         array = np.asarray(value)
     except ValueError as error:
@@ -191,7 +194,13 @@ def _shortened(array: NDArray[Any]) -> str:
 
 
 def _rebuilt(spec: Any, path: Path, values: Mapping[Path, Any]) -> Any:
-    """Arranges values by path in the nested form of a spec."""
+    """Arranges values in the nested form of a spec: dictionaries, lists and tuples.
+
+    Args:
+        spec: The spec, or a part of it.
+        path: Path of that part.
+        values: Values by their paths.
+    """
     if isinstance(spec, Mapping):
         return {key: _rebuilt(item, (*path, key), values) for key, item in spec.items()}
     if isinstance(spec, Sequence) and not isinstance(spec, str | bytes):

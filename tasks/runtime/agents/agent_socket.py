@@ -287,7 +287,10 @@ class AgentLink:
         return True
 
     def say_last(self, kind: int, content: dict[str, object]) -> None:
-        """Sends a final message to the robot program, unless one was sent before or the robot has disconnected."""
+        """Sends a final message to the robot program, unless one was sent before or the robot has disconnected.
+
+        Waits for a limited time until it is sent; raises nothing.
+        """
         if self._said_last:
             return
         self._said_last = True
@@ -297,7 +300,7 @@ class AgentLink:
             return
 
     def refuse(self, text: str) -> None:
-        """Sends the robot program an error about its messages."""
+        """Sends the robot program an error about its messages as the last message, unless one was sent before."""
         self.say_last(ERROR, {"error": text})
 
     def close(self) -> None:

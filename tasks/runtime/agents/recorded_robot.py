@@ -98,5 +98,5 @@ class RecordedRobot(Observer):
 
 
 def _comparable_parts(header: ActionLogHeader) -> list[tuple[Any, ...]]:
-    """Returns the parts of an action log's header that have to be equal for recorded actions to fit an environment."""
+    """Returns the parts of an action log's header that must equal an environment's for the actions to fit it."""
     return [(array.path, array.dtype, array.shape, array.offset) for array in header.arrays]

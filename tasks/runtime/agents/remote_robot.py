@@ -147,11 +147,11 @@ class RemoteAgent:
         ]
 
     def end(self, ended_by: str) -> None:
-        """Tells the robot program that the run is over."""
+        """Tells the robot program that the run is over, and by what it ended, unless it was told its end before."""
         self._link.say_last(END, {"ended_by": ended_by})
 
     def fail(self, text: str) -> None:
-        """Tells the robot program that the run failed."""
+        """Tells the robot program that the run failed, and why, unless it was told its end before."""
         self._link.refuse(text)
 
     def _in_lockstep(self) -> Any:
@@ -333,7 +333,7 @@ class RemoteRobot(Observer):
         return self._agent
 
     def _refusing_late(self, agent: Agent) -> Agent:
-        """Wraps the agent of ROS nodes so that robot programs that connect during the run are refused."""
+        """Returns an agent of ROS nodes that refuses robot programs that connect during the run, at each step."""
 
         def drive(timestep: dm_env.TimeStep) -> Any:
             self._refuse_late()

@@ -106,7 +106,7 @@ class RecordedRun(dm_env.Environment):
         return ((time_s, message.content) for time_s, message in self.timed(topic))
 
     def timed(self, topic: str) -> Iterator[tuple[float, Message]]:
-        """Yields the messages on an existing topic, each with all its times."""
+        """Yields the messages on an existing topic, from the run's beginning on, each with its time in seconds."""
         clock_s = 0.0
         for message in self._bag.messages({topic, *([CLOCK] if self._clock else [])}):
             if self._clock and message.topic == CLOCK:
@@ -192,7 +192,10 @@ class RecordedRun(dm_env.Environment):
 
     @contextmanager
     def _closed_by_faults(self) -> Iterator[None]:
-        """Context manager that closes the recording when reading it fails, since nothing else would close it."""
+        """Closes the recording if reading it fails inside the `with` block, since nothing else would close it.
+
+        The `RecordingFault` is raised again.
+        """
         try:
             yield
         except RecordingFault:
@@ -297,5 +300,5 @@ def make_environment(context: SimulationContext) -> RecordedRun:
 
 
 def make_agent(context: Any, environment: Any) -> Any:  # noqa: ARG001 - the interface of applications
-    """Makes an agent that does nothing: the robot has driven already."""
+    """Makes an agent that does nothing, as the robot has driven already: its action has no numbers."""
     return lambda _timestep: np.zeros(0)

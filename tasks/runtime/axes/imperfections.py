@@ -99,7 +99,7 @@ class WheelSlip:
 
     @property
     def transmitted(self) -> float:
-        """Share that does."""
+        """Share of the wheels' motion that moves the robot, from 0 to 1; the rest is lost to the floor."""
         return 1.0 - self.slip
 
 
@@ -144,11 +144,11 @@ class OdometryDrift(KeepsAttributes):
         return x + wrong[0], y + wrong[1], math.remainder(yaw + wrong[2], math.tau)
 
     def state(self) -> Any:
-        """Returns the error and the generator, for a checkpoint."""
+        """Returns the present odometry error and the random generator's state, for a checkpoint."""
         return super().state(), self._chance.bit_generator.state
 
     def restore(self, state: Any) -> None:
-        """Restores the waiting commands and the other controller's state from a checkpoint."""
+        """Restores the odometry error and the random generator's state from a checkpoint."""
         own, self._chance.bit_generator.state = state
         super().restore(own)
 

@@ -133,7 +133,10 @@ class MapFloor:
         return int(row), int(column)
 
     def _snapped(self, point: Point, fitting: NDArray[np.bool_]) -> int | None:
-        """Returns the nearest cell where a disc fits, within `_SNAP_M`; `None` if there is none."""
+        """Returns the number of the nearest cell where a disc fits, within `_SNAP_M` metres.
+
+        Returns `None` if there is none.
+        """
         rows, columns = np.nonzero(fitting)
         if not len(rows):
             return None

@@ -102,7 +102,7 @@ class PhysicsHealth(Observer):
         self._steps += 1
 
     def look_at_timestep(self, timestep: dm_env.TimeStep) -> None:
-        """Checks a time step for non-finite rewards and NaN in observations."""
+        """Notes a defect if a time step has a reward that is not finite; looks now and then for NaN in observations."""
         self._timesteps += 1
         reward = timestep.reward
         if isinstance(reward, float) and not math.isfinite(reward):
@@ -111,7 +111,7 @@ class PhysicsHealth(Observer):
             self._note(self._noted, "observation", f"the observation {name!r} had NaN", self._timesteps)
 
     def last_look(self, environment: Any) -> None:
-        """Checks the physics once more at the end of the run."""
+        """Looks once more for bad numbers in the physics, at the end of the run; does nothing without physics."""
         if self._data is not None and getattr(environment, "physics", None) is not None:
             self._look_for_numbers()
 
@@ -212,7 +212,10 @@ def _nan_in(observation: Any, name: str = "") -> str:
 
 
 def _reach_m(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> float:
-    """Returns the radius in metres of a sphere around the robot's body that encloses all of its geoms."""
+    """Returns the radius in metres of a sphere around the robot's body that encloses all of its geoms.
+
+    It is infinite for a robot without geoms.
+    """
     geoms = np.flatnonzero(robot_bodies(model, body)[model.geom_bodyid])
     if not len(geoms):
         return math.inf

@@ -135,7 +135,7 @@ def _list(names: list[str]) -> str:
 
 
 def _check_origin(module: ModuleType, path: Path) -> None:
-    """Raises an error if a module was not imported from the given bundle: bundles and packages may share names."""
+    """Raises `LoadError` if a module was not imported from the given bundle: bundles and packages may share names."""
     origins = [module.__file__] if module.__file__ else list(getattr(module, "__path__", []))
     if not any(Path(origin).resolve().is_relative_to(path.resolve()) for origin in origins):
         top = module.__name__.partition(".")[0]

@@ -71,7 +71,7 @@ def robot_bodies(model: mujoco.MjModel, body: int) -> NDArray[np.bool_]:
 
 
 def bodies_below(model: mujoco.MjModel, body: int) -> NDArray[np.bool_]:
-    """Returns a mask of the bodies that are a body or its descendants."""
+    """Returns a mask, shape (nbody,), of a body and all its descendants."""
     below = np.zeros(model.nbody, dtype=np.bool_)
     below[body] = True
     for each in range(body + 1, model.nbody):  # parents come before their children
@@ -271,7 +271,7 @@ class ContactForces:
 
 
 def solved_copy(model: mujoco.MjModel, data: mujoco.MjData, copy: mujoco.MjData) -> mujoco.MjData:
-    """Copies a MuJoCo state and solves all forces in the copy; the original is unchanged."""
+    """Copies a MuJoCo state into `copy`, solves all forces there, and returns it; the original is unchanged."""
     kind = mujoco.mjtState.mjSTATE_INTEGRATION
     state = np.zeros(mujoco.mj_stateSize(model, kind))
     mujoco.mj_getState(model, data, state, kind)

@@ -56,7 +56,7 @@ class ReportingEnvironment(Protocol):
     """Interface of an environment that judges its run by `run_result`."""
 
     def run_result(self) -> EnvironmentReport | dict[str, Any]:
-        """Returns the environment's report; called once, after the last step."""
+        """Returns the environment's report (verdict, requirements, metrics); it is called once, after the last step."""
         ...
 
 
@@ -327,7 +327,7 @@ def _summary(report: EnvironmentReport, added: Sequence[Requirement], reached: b
 
 
 def _defects_of(episode: Episode) -> list[Requirement]:
-    """Lists defects of an episode, such as that nothing was simulated, or that a program did not answer."""
+    """Lists defects of an episode: that nothing was simulated, or that a program did not answer; empty without any."""
     if episode.unanswered:
         return [never_answered(episode.unanswered)]
     if episode.steps:
@@ -338,7 +338,7 @@ def _defects_of(episode: Episode) -> list[Requirement]:
 
 
 def never_answered(text: str) -> Requirement:
-    """Makes the defect of a run in which a program did not answer until the time limit."""
+    """Returns the defect, as a missed requirement, of a run in which a program did not answer until the time limit."""
     return Requirement(name="answered", kind="health", satisfied=False, detail=text, error=text)
 
 
@@ -370,7 +370,7 @@ def versions() -> dict[str, str]:
 
 
 def thin_out(path: list[tuple[float, float, float]], limit: int) -> list[tuple[float, float, float]]:
-    """Reduces a path to at most `limit` evenly chosen points, including both ends."""
+    """Returns at most `limit` evenly chosen points of a path (time s, x m, y m), including both ends."""
     if len(path) <= limit:
         return path
     return [path[round(i * (len(path) - 1) / (limit - 1))] for i in range(limit)]

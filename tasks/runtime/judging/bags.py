@@ -108,7 +108,7 @@ class Bag:
             raise
 
     def _opened(self) -> Any:
-        """Returns a reader of the recording that begins at its start."""
+        """Returns a reader of the recording that begins at its start; raises `RecordingFault` if it cannot be read."""
         try:
             reader = Reader1(self.path) if self._is_ros1 else Reader2(self.path)
             reader.open()
@@ -164,7 +164,7 @@ class Bag:
         return len(found) == 1 and found <= set(types)
 
     def mixed(self, topic: str) -> str | None:
-        """Lists the message types of a topic as text if there are several, else returns `None`."""
+        """Returns the error text about a topic whose messages have several types; `None` if it has at most one."""
         found = sorted(self.types.get(topic, ()))
         if len(found) < 2:
             return None
@@ -174,7 +174,7 @@ class Bag:
         )
 
     def near(self, topic: str) -> str:
-        """Suggests the existing topic with the most similar name, or lists all topics."""
+        """Returns the end of an error text: the existing topic with the most similar name, else the names of topics."""
         return nearest(topic, self.types) or f"; it has {self.shown()}"
 
     def shown(self) -> str:
@@ -305,7 +305,7 @@ def _definitions(connection: Connection) -> dict[str, Any]:
 
 
 def _text_of(error: Exception) -> str:
-    """Returns the text of a reader's error; unhelpful texts are replaced by "the file ends within a record"."""
+    """Returns the text of a reader's error; unhelpful texts become "it ends in the middle of a record"."""
     if isinstance(error, struct.error | AssertionError | IndexError | TypeError) or not str(error):
         return "it ends in the middle of a record"
     return str(error).rstrip(".")

@@ -43,7 +43,7 @@ class Contacts:
         return sources.max_gap_s if _STATES in types and not sources.contacts_on_touch else math.inf
 
     def look_back(self, time_s: float) -> None:
-        """Records too long silences of topics that publish continuously."""
+        """Makes rules errors if a continuously publishing topic of contacts has been silent for too long by a time."""
         for source in self.sources:
             if source.messages:  # the end says of a topic that never spoke why that may be
                 source.look_back(time_s)

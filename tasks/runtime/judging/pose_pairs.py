@@ -139,7 +139,7 @@ class PosePairs:
 
 
 def _until(time_s: float, poses: Iterator[StampedPose]) -> list[StampedPose]:
-    """Reads the poses up to a time, and the first one after it."""
+    """Reads the poses up to a time in seconds, and the first one at or after it, from an iterator."""
     found: list[StampedPose] = []
     for pose in poses:
         found.append(pose)
@@ -149,7 +149,7 @@ def _until(time_s: float, poses: Iterator[StampedPose]) -> list[StampedPose]:
 
 
 def _between(before: StampedPose, after: StampedPose, stamp_s: float) -> PlanarPose:
-    """Interpolates the pose at a time between two others."""
+    """Interpolates a planar pose (m, m, rad) at a time in seconds between two others."""
     passed_s = after.stamp_s - before.stamp_s
     share = (stamp_s - before.stamp_s) / passed_s if passed_s > 0 else 0.0
     (x0, y0, yaw0), (x1, y1, yaw1) = before.pose, after.pose

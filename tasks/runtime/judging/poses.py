@@ -46,7 +46,7 @@ class Pose:
         return not math.isnan(self.position[0])
 
     def set(self, matrix: Matrix) -> None:
-        """Sets the latest pose of the frame."""
+        """Sets the frame's latest pose from a 4 × 4 matrix in metres, and notes if it ever tilts or rises."""
         self.position[:] = matrix[:3, 3].tolist()
         self.orientation[:] = quaternion_of(matrix)
         self.tilts = self.tilts or abs(matrix[2, 0]) + abs(matrix[2, 1]) > _PLANAR

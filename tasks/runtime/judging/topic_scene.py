@@ -103,7 +103,7 @@ class Measurements:
             self._contacts.take(message, time_s)
 
     def look_back(self, time_s: float) -> None:
-        """Records which topics have been silent for too long."""
+        """Makes rules errors if a topic that they need has been silent for too long until a time in seconds."""
         for source in self._steady_sources():
             source.look_back(time_s)
         if self._contacts is not None:
@@ -152,7 +152,7 @@ class Measurements:
                 )
 
     def note_reader(self, rule: Rule[Any], topic: str) -> None:
-        """Registers a rule that reads a topic and that a silent topic would satisfy."""
+        """Registers a rule that reads a topic, as a silent topic would satisfy it without being measured."""
         self._read.append((rule, topic))
 
     def remarks(self) -> list[str]:
@@ -276,7 +276,7 @@ class Measurements:
         self._risen.append((rule, self.pose_of(rule)))
 
     def expect_end(self, rule: Rule[Any]) -> None:
-        """Registers a rule that is judged at the end of the run."""
+        """Registers a rule that is judged at the end of the run, for a check whether the recording has the end."""
         self._ending.append(rule)
 
     def is_ready(self, rule: Rule[Any]) -> bool:
@@ -377,7 +377,10 @@ class Measurements:
         return self._chosen[1]
 
     def _chain(self, root: str, frame: str) -> list[str] | None:
-        """Returns the chain of frames from a root to a frame; reads `/tf` ahead until it is complete."""
+        """Returns the chain of frames from a root to a frame; reads `/tf` ahead until it is complete.
+
+        Returns `None` if the whole recording does not connect them.
+        """
         while (found := self._tree.chain(root, frame)) is None:
             message = next(self._unseen, None)
             if message is None:
@@ -390,7 +393,10 @@ class Measurements:
         return f"{self._bag.path.name}: all frames from the map to {frame!r} are on {_TF_STATIC}, so it could not move"
 
     def _not_connected(self, *others: str) -> str:
-        """Makes the error text that `/tf` does not connect the robot to the map or to another frame."""
+        """Returns the error text that `/tf` does not connect the robot to the map or to another frame.
+
+        Raises an error if `/tf` has messages of several types.
+        """
         self._refuse_mixed(_TF)
         frames = ", ".join(sorted({*self._tree.parents, *self._tree.parents.values()})[:_MAX_SHOWN]) or "none"
         roots = " or ".join(map(repr, (self.sources.map_frame, *others)))
@@ -539,11 +545,11 @@ class TopicScene:
         return self._measurements.pose_pairs(rule, estimate, truth, self.environment.timed)
 
     def contacts(self, rule: Rule[Any]) -> Callable[[], Mapping[str, float]]:
-        """Makes a function that returns the contact forces (N) since its last call, by object."""
+        """Returns a function that returns the contact forces (N) recorded since its last call, by touched object."""
         return self._measurements.contacts(rule, self.world)
 
     def clearance(self, rule: Rule[Any]) -> Callable[[float], tuple[float, str] | None]:
-        """Makes a function that returns the smallest distance in metres since its last call."""
+        """Returns a function that returns the smallest recorded distance to obstacles in metres since its last call."""
         return self._measurements.clearance(rule)
 
     def function(self, rule: Rule[Any], attribute: str) -> Callable[..., Any]:
@@ -560,7 +566,10 @@ class TopicScene:
         return load_judging_function(self._plan, rule, attribute)
 
     def __getattr__(self, name: str) -> Any:
-        """Makes an error of requirements that need a measurement which recordings do not have."""
+        """Returns, for a measurement that recordings do not have, a function that raises `NotMeasuredError`.
+
+        Raises `AttributeError` for private names.
+        """
         if name.startswith("_"):
             raise AttributeError(name)
 

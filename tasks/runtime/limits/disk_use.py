@@ -101,7 +101,7 @@ class DiskMeter:
         return self._used_bytes > self._limit_bytes
 
     def last_look(self) -> str | None:
-        """Measures all folders after the run; returns a message if the limit is exceeded."""
+        """Measures all folders after the run; returns a message if they ever exceeded the limit, else `None`."""
         if self._limit_bytes is None:
             return None
         self._begin()

@@ -109,7 +109,7 @@ class Meter:
         return self._memory_excess(states)
 
     def busiest_writer(self) -> int:
-        """Returns the process session that has written most to disk; 0 if none is left."""
+        """Returns the process session below this process that has written most to disk; 0 if none is left."""
         states = [state for state in descendants_of(os.getpid()) if state.pid not in self._others]
         return _most(states, {state.pid: written_bytes(state.pid) for state in states}) if states else 0
 
@@ -199,7 +199,12 @@ def _exact_bytes(state: ProcessState) -> int:
 
 
 def _most(states: list[ProcessState], use: dict[int, int]) -> int:
-    """Returns the session whose processes together use the most memory."""
+    """Returns the session whose processes together have the largest use.
+
+    Args:
+        states: The processes; at least one.
+        use: Use of each process, by its id, such as bytes of memory or number of threads.
+    """
     totals: dict[int, int] = {}
     for state in states:
         totals[state.session] = totals.get(state.session, 0) + use[state.pid]

@@ -102,7 +102,7 @@ def proportional_bytes(pid: int) -> int | None:
 
 
 def written_bytes(pid: int) -> int:
-    """Returns how many bytes a process and its reaped children have written (`wchar`, proc(5))."""
+    """Returns the bytes that a process and its reaped children have written (`wchar`, proc(5)); 0 if it is gone."""
     with suppress(OSError):
         for line in Path(f"/proc/{pid}/io").read_bytes().splitlines():
             if line.startswith(b"wchar:"):
@@ -125,7 +125,7 @@ def children_of(pid: int) -> list[int]:
 
 
 def descendants_of(pid: int) -> Iterator[ProcessState]:
-    """Yields all processes below a process, parents first."""
+    """Yields the states of all processes below a process, each after its parent, without the process itself."""
     waiting = children_of(pid)
     while waiting:
         child = waiting.pop()

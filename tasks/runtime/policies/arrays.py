@@ -53,7 +53,7 @@ class ObservedArrays:
         return {name: _as_numbers(values[name], spec) for name, spec in self.specs.items()}
 
     def vector(self, observed: Observed) -> NDArray[Any]:
-        """Returns all numbers of an observation as one vector."""
+        """Returns all numbers of an observation, array after array, as one vector."""
         rows = [observed[name].reshape(-1) for name in self.specs]
         return np.concatenate(rows) if rows else np.zeros(0)
 

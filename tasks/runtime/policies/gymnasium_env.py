@@ -126,7 +126,7 @@ class RobotEnv(gymnasium.Env[Any, NDArray[Any]]):
         return observed, reward, not is_truncated, is_truncated, self._result()
 
     def close(self) -> None:
-        """Closes the environment."""
+        """Closes the wrapped environment; no episode can be started afterwards."""
         self._environment.close()
 
     def _is_out_of_time(self) -> bool:

@@ -45,14 +45,17 @@ _SAY_ALL = LoadError | LaunchError | RobotProgramError
 
 
 def report_failure(error: BaseException, plan: RunPlan, progress: Progress) -> None:
-    """Writes an error's traceback to the error log, and its short form to memory shared with the supervisor."""
+    """Writes an error's traceback to the error log, and its short form to memory shared with the supervisor.
+
+    Deletes `result.json`, as a failed run has none.
+    """
     log_failure(error)
     progress.write_report(report_of(error, progress))
     (plan.output_dir / RESULT_FILE).unlink(missing_ok=True)
 
 
 def log_failure(error: BaseException) -> None:
-    """Writes an error's traceback to the error log."""
+    """Writes an error's traceback, from the application's code on, to standard error; a failure to do so is ignored."""
     trace = _without_runtime(error.__traceback__)
     with suppress(Exception):  # the disk may be full, and the application may have closed or replaced the stream
         if isinstance(error, _SAY_ALL) and error.__cause__ is None:
@@ -213,7 +216,10 @@ def recording_findings(episode: Episode, recorder: Recorder) -> Findings:
 
 
 def watched_environment(environment: Any, progress: Progress) -> Any:
-    """Wraps an environment to note in shared memory whether it judges its run, in case the process dies."""
+    """Returns an environment unchanged, after noting in shared memory whether it judges its run.
+
+    The supervisor reads that if the process dies.
+    """
     if isinstance(environment, ReportingEnvironment) or hasattr(environment, "requirements"):
         progress.begin_to_judge()
     return environment
@@ -260,7 +266,7 @@ def _remote_robot(plan: RunPlan, stop: Stop, bridge: RosBridge | None) -> Remote
 
 
 def applications_of(plan: RunPlan) -> tuple[ApplicationPlan, ApplicationPlan]:
-    """Returns the applications that make the environment and the agent of a run."""
+    """Returns the applications that make the environment and the agent of a run: the plan's, else built-in ones."""
     simulation = plan.simulation_application or BUILT_IN_ENVIRONMENT
     if (simulation.attribute or "").startswith(f"{_RECORDED_RUN}."):
         return simulation, RECORDED_AGENT  # the robot has driven already

@@ -323,7 +323,10 @@ def _standard_library():
 
 
 def hold_as_asked():
-    """Holds in this program what its environment variables ask for, once its hashes are held."""
+    """Holds in this program the sources of chance that its environment variables ask for, and notes them for the rerun.
+
+    Starts the program anew first if its hashes have to be held; does nothing outside of reruns.
+    """
     if not os.environ.get(MARK_VARIABLE):
         return
     sources = [word for word in os.environ.get(HELD_VARIABLE, "").split(",") if word]
@@ -334,7 +337,7 @@ def hold_as_asked():
 
 
 def mark(sources):
-    """Says in the file of the rerun what this process holds."""
+    """Writes into the file of the rerun which sources of chance this process holds."""
     _write("held " + ",".join(sources))
 
 

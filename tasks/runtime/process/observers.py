@@ -87,12 +87,12 @@ class EndAt(Observer):
         self.next_time_s = time_s
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Ends the rerun at the time at which the original run was stopped."""
+        """Ends the rerun, by raising `RunEnded`, at the time at which the original run was stopped."""
         del environment, time_s
         raise RunEnded("duration limit")
 
     def hear(self, state: bytes, time_s: float) -> None:
-        """Ends the rerun in an environment without physics."""
+        """Ends the rerun in an environment without physics, by raising `RunEnded`, once its time has come."""
         del state
         if time_s >= self.next_time_s - 5e-7:  # half a microsecond forgives rounding in sums of time steps
             self.watch(None, time_s)

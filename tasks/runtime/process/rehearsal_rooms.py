@@ -27,7 +27,7 @@ def make_room() -> tuple[Path, int]:
 
 
 def left_rooms() -> list[Path]:
-    """Lists this user's warm-up folders whose process was killed."""
+    """Lists this user's warm-up folders whose process was killed; they are not locked any more when this returns."""
     return list(_left())
 
 

@@ -196,12 +196,12 @@ class _Loop:
             self._wall_time_s = self._earlier_s + self._wall_clock() - began
 
     def _resume(self, state: LoopState) -> dm_env.TimeStep:
-        """Restores environment, agent and counters from a checkpoint of an earlier attempt."""
+        """Restores the counters from a checkpoint of an earlier attempt, and returns the time step to go on from."""
         self._steps, self._clock.time_s, self._earlier_s = state.steps, state.time_s, state.wall_time_s
         return state.timestep
 
     def annotate(self, error: Exception) -> None:
-        """Adds to an exception the phase of the run in which it was raised."""
+        """Adds a note to an exception that says in which step, and at which simulated time, it was raised."""
         if self._steps:
             time_s = self._clock.time_s
             error.add_note(f"in step {self._steps + 1}" + (f", at {time_s:.3f} s simulated" if time_s else ""))

@@ -52,7 +52,7 @@ class BoundedSeries(Generic[Value]):
             self._thin_out()
 
     def samples(self) -> list[tuple[float, Value]]:
-        """Returns times and values, those of the last sample included."""
+        """Returns the series as times in seconds and values, with its last sample if the value has changed."""
         found = [(round(time_s, _ROUNDING_DIGITS), value) for time_s, value, _ in self._samples]
         if self._last is not None and found and self._last[1] != found[-1][1]:
             found.append((round(self._last[0], _ROUNDING_DIGITS), self._last[1]))
@@ -95,7 +95,7 @@ class TimelineRecorder(Observer):
         self._time_s = 0.0
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Notes the margins and the lengths of the logs."""
+        """Notes the present margins of the requirements and the lengths of the logs, for the timeline."""
         del environment
         self.next_time_s = time_s + _PERIOD_S
         self._look(time_s)

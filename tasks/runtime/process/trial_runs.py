@@ -338,7 +338,10 @@ def _record_some(run: RunRequest, trials: Trials, tally: Tally, stop: Stop) -> N
 
 
 def _record(run: RunRequest, plan: RunPlan, stop: Stop) -> None:
-    """Runs one trial again as a separate recorded run; another failure of it does not fail the job."""
+    """Runs one trial again as a separate recorded run.
+
+    An error of it is noted in the outputs, and does not fail the job.
+    """
     try:
         attempt(run.model_copy(update={"plan": plan}), Progress(), stop)
     except Exception as error:

@@ -58,7 +58,7 @@ def is_known(ros_type: str) -> bool:
 
 
 def fields_of(ros_type: str) -> Sequence[tuple[str, tuple[Any, Any]]]:
-    """Returns the fields of a ROS message type: name and type description."""
+    """Returns the fields of a ROS message type, each with its name and the description of its type."""
     return _STORE.fielddefs[ros_type][1]
 
 
@@ -322,7 +322,11 @@ class Series(Protocol):
         ...
 
     def take(self) -> tuple[Numbers, Sequence[Sequence[AnyNumbers]]]:
-        """Returns the data since the last call: simulated times, and for each topic a row of numbers a time."""
+        """Returns the data since the last call, and forgets it.
+
+        Returns:
+            Simulated times in seconds; and for each topic its arrays of numbers, a row for each time.
+        """
         ...
 
 

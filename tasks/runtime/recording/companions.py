@@ -130,7 +130,7 @@ def _plot(title: str, paths: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _raw(topics: Mapping[str, str]) -> list[Panel]:
-    """Makes a panel with the raw messages of the most informative topic."""
+    """Returns a Foxglove panel with the raw messages of the most informative topic; none without topics."""
     ranked = [topic for kind in (_POSES, _JOINTS) for topic, type_ in topics.items() if type_ == kind] or [*topics]
     return [("RawMessages!messages", {"topicPath": ranked[0]})] if ranked else []
 
@@ -269,7 +269,7 @@ _OFFERED = re.compile(r"^  (depth|reliability|durability): (\d+)$", re.MULTILINE
 
 
 def offer_in(noted: Mapping[str, str]) -> Offer:
-    """Reads a topic's quality of service from the metadata of `channel_metadata`."""
+    """Returns the quality of service that a topic's metadata in a recording names, with defaults for what is absent."""
     found = {name: int(number) for name, number in _OFFERED.findall(noted.get("offered_qos_profiles", ""))}
     return Offer(found.get("durability") == 1, found.get("reliability", 1) == 1, found.get("depth", 10))
 

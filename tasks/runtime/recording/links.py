@@ -73,7 +73,7 @@ class Links:
 
     @property
     def frames(self) -> list[tuple[str, str]]:
-        """Frame names of each link's parent and of the link."""
+        """Pairs of ROS frame names, for each link: its parent's, and its own."""
         return [(link.parent_frame, link.frame) for link in self.links]
 
     @property

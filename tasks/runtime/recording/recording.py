@@ -41,21 +41,24 @@ class Recorder:
     """Topics with messages; complete after the recorder is closed."""
 
     def announce(self, topic: str, kind: type) -> None:
-        """Records that a topic exists even if it never has a message."""
+        """Records that a topic exists even if it never has a message; this base class records nothing."""
 
     def write(self, topic: str, message: Any, time_s: float) -> None:
-        """Records a ROS message at a simulated time."""
+        """Records a ROS message at a simulated time in seconds; this base class records nothing."""
 
     def add(self, topic: str, kind: type, data: bytes, time_s: float) -> None:
-        """Records an already encoded ROS message; see `write`."""
+        """Records an already encoded ROS message (CDR) at a simulated time in seconds.
+
+        This base class records nothing.
+        """
 
     def is_heard(self, topic: str) -> bool:
-        """Returns whether ROS nodes subscribe to a topic."""
+        """Returns whether ROS nodes subscribe to a topic; false here, as only a bridge has nodes."""
         del topic
         return False
 
     def tell(self, topic: str, message: Any) -> None:
-        """Publishes a message to subscribed ROS nodes, without recording it."""
+        """Publishes a message to subscribed ROS nodes, without recording it; does nothing here, without a bridge."""
 
     def add_static_transforms(self, transforms: Sequence[TransformStamped], time_s: float) -> None:
         """Records the poses of frames that do not move, on `/tf_static`."""
@@ -76,7 +79,7 @@ class Recorder:
         """Continues the recording from the state in a checkpoint."""
 
     def close(self) -> None:
-        """Finishes the recording file."""
+        """Finishes the recording file; this base class has none."""
 
 
 _CHUNK_BYTES = 768 * 1024
@@ -145,7 +148,10 @@ class McapRecorder(Recorder):
         self.add(topic, type(message), encode(message), time_s)
 
     def add(self, topic: str, kind: type[Message], data: bytes, time_s: float) -> None:
-        """Records an already encoded ROS message; see `write`."""
+        """Records an already encoded ROS message (CDR) at a simulated time in seconds; see `write`.
+
+        Raises the error of a recording that cannot be written, such as on a full disk.
+        """
         channel = self._channel(topic, kind)
         time_ns = max(0, round(time_s * _NANOSECONDS))
         try:
@@ -319,7 +325,7 @@ class StaticTransforms:
         return True
 
     def message(self, without: Collection[str] = ()) -> TFMessage:
-        """Returns a `/tf_static` message with all frames except some."""
+        """Returns a `/tf_static` message with all known frames except those in `without`."""
         return TFMessage(tuple(item for child, item in self.known.items() if child not in without))
 
 

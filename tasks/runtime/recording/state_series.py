@@ -196,7 +196,15 @@ def _span(*addresses: NDArray[np.intp]) -> slice:
 
 
 def _free_motion(positions: Numbers, velocities: Numbers) -> tuple[Numbers, Numbers]:
-    """Converts the state of a free joint to poses and twists of ROS messages."""
+    """Converts states of a free joint to poses and twists of ROS messages.
+
+    Args:
+        positions: Rows of x, y, z in metres and a quaternion, w first.
+        velocities: Rows of linear (m/s, world) and angular (rad/s, body) velocities.
+
+    Returns:
+        Rows of x, y, z and a quaternion, w last; and rows of linear and angular velocities in the body's frame.
+    """
     pose = positions[:, [0, 1, 2, *_XYZW]]
     # MuJoCo has the linear velocity in the world's frame and the angular one in the body's; ROS has both in the body's.
     back = np.stack(_turned_back(pose[:, 3:].T, velocities[:, :3].T), axis=1)
@@ -204,7 +212,7 @@ def _free_motion(positions: Numbers, velocities: Numbers) -> tuple[Numbers, Numb
 
 
 def _planar_motion(positions: Numbers, velocities: Numbers) -> tuple[Numbers, Numbers]:
-    """Converts the state of two slides and a hinge (x, y, heading) to poses and twists."""
+    """Converts states of two slides and a hinge (x m, y m, heading rad) to poses and twists of ROS messages."""
     pose, twist = np.zeros((len(positions), 7)), np.zeros((len(positions), 6))
     heading, (east, north, turning) = positions[:, 2], velocities.T
     pose[:, :2], pose[:, 5], pose[:, 6] = positions[:, :2], np.sin(heading / 2), np.cos(heading / 2)
@@ -276,7 +284,7 @@ class RowSeries:
         recorder.flush_when_due(full=len(self._times) >= self._capacity)
 
     def take(self) -> tuple[Numbers, list[list[AnyNumbers]]]:
-        """Returns the measurements since the last call: their times, and their numbers, a row per time."""
+        """Returns and forgets the measurements since the last call: times in seconds, and numbers, a row per time."""
         if not self._times:  # nodes are served, and so ask, at every step
             return _NO_TIMES, []
         times, self._times = self._times, []

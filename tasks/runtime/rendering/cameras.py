@@ -150,7 +150,7 @@ class Camera(Protocol):
         ...
 
     def close(self) -> None:
-        """Frees the renderer's memory."""
+        """Frees the renderer's memory; no picture can be drawn afterwards."""
         ...
 
 
@@ -241,14 +241,14 @@ class GlCamera:
         return np.where(there > 0.0, found_m, np.inf).astype(np.float32)
 
     def _see(self, data: mujoco.MjData, view: View, aspect: float) -> None:
-        """Adds the geoms that are visible in a camera view to the scene."""
+        """Fills the scene with the geoms that are visible in a camera view, in place of those before."""
         model, scene, camera = self._model, self._scene, view(data)
         mujoco.mjv_updateCamera(model, data, camera, scene)
         with without_unseen(model, data, scene, aspect):
             mujoco.mjv_updateScene(model, data, self._option, None, camera, mujoco.mjtCatBit.mjCAT_ALL.value, scene)
 
     def _dim_under_roofs(self) -> None:
-        """Dims the sun below roofs, as it would shine through them without shadows."""
+        """Dims the sun of the scene if the model has roofs, as it would shine through them without shadows."""
         for light in self._scene.lights[: self._scene.nlight] if self._has_roofs else ():
             if light.castshadow and not light.headlight:
                 light.diffuse[:] = light.diffuse * _THROUGH_ROOFS

@@ -62,11 +62,14 @@ class RayCamera:
         self._buffers: dict[tuple[int, int], _Buffers] = {}
 
     def picture(self, data: mujoco.MjData, view: View, size: tuple[int, int] | None = None) -> Image:
-        """Renders a simulation state from a camera view; see `Camera`."""
+        """Renders a simulation state from a camera view as an RGB image by casting rays, coarser if it is large.
+
+        See `Camera`.
+        """
         return self._enlarged(lambda shape: self._cast(data, view, shape), size or self._size)
 
     def depths(self, data: mujoco.MjData, view: View) -> Depths:
-        """Renders a depth image of a camera view; see `Camera`."""
+        """Renders the depths in a camera view in metres by casting rays; see `Camera`."""
         return self._enlarged(lambda shape: self._measure(data, view, shape), self._size)
 
     def _enlarged(self, make: Callable[[tuple[int, int]], NDArray[Any]], size: tuple[int, int]) -> NDArray[Any]:

@@ -126,7 +126,10 @@ class FollowView:
         self._heading_deg = 0.0
 
     def _stand_like(self, camera: int) -> None:
-        """Takes distance, side and slope from a camera of the model; a narrower field of view needs more distance."""
+        """Sets distance, side and slope of the view from a camera of the model.
+
+        A narrower field of view needs more distance.
+        """
         x, y, z = (float(value) for value in self._model.cam_poscom0[camera])
         narrower = math.tan(math.radians(self._model.cam_fovy[camera] / 2)) / _half_view(self._model)
         self._distance_m = math.hypot(x, y, z) * narrower
@@ -207,7 +210,7 @@ class TopView:
         self._ready = False
 
     def __call__(self, data: mujoco.MjData) -> mujoco.MjvCamera:
-        """Returns the view, centred on the robot if it follows the robot."""
+        """Returns the view from above for a state, centred on the robot if the view follows it."""
         if not self._ready:
             self._prepare(data)
         if self._body is not None:
@@ -294,14 +297,14 @@ _ROOFS = ("ceiling_", "lamp_")
 
 
 def roofs(model: mujoco.MjModel) -> NDArray[np.intp]:
-    """Returns the geoms that are ceilings, which are shown from below only."""
+    """Returns the numbers of the geoms that are ceilings, which are shown from below only."""
     meshes = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_MESH.value)
     return np.array([geom for geom in meshes if model.geom(int(geom)).name.startswith(_ROOFS)], np.intp)
 
 
 @contextmanager
 def hidden(model: mujoco.MjModel, geoms: NDArray[np.intp]) -> Iterator[None]:
-    """Hides geoms inside the `with` block, while a picture is rendered."""
+    """Hides geoms inside the `with` block, while a picture is rendered; other threads that change the model wait."""
     groups = model.geom_group[geoms]
     with MODEL_BORROWED:
         model.geom_group[geoms] = _HIDDEN_GROUP
@@ -359,13 +362,13 @@ def outside(middles: _Vector, radii_m: _Vector, scene: mujoco.MjvScene, aspect: 
 
 
 def awake(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Switches off sleeping bodies in a model, as their poses would not follow `qpos`; returns the model."""
+    """Switches off sleeping bodies in a model, in place, as their poses would not follow `qpos`; returns the model."""
     model.opt.enableflags &= ~mujoco.mjtEnableBit.mjENBL_SLEEP.value
     return model
 
 
 def work_out_places(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Updates all poses from `qpos`, without computing collisions and forces."""
+    """Updates all poses in `data` from its `qpos`, without computing collisions and forces."""
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     mujoco.mj_camlight(model, data)

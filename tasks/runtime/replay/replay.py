@@ -76,7 +76,7 @@ def why_not_repeatable(run: RunOutputs, *, run_program: bool = False) -> list[st
 
 
 def without_robot(plan: RunPlan) -> RunPlan:
-    """Returns a plan in which recorded actions replace the robot application."""
+    """Returns a plan without the code of the robot application, as recorded actions are to replace it."""
     robot, nothing = plan.robot_application, {"path": None, "package": None}
     return plan.model_copy(
         update={
@@ -221,7 +221,10 @@ class JointNames:
     """Number of positions; the velocities follow them in the state vector."""
 
     def of(self, index: int) -> tuple[str, Literal["qpos", "qvel"]]:
-        """Returns the joint of the number at an index of the state vector, and whether it is a position (qpos)."""
+        """Returns the name of the joint at an index of the state vector, and whether it is a position or a velocity.
+
+        The name is `unknown` if no joint has that index.
+        """
         quantity: Literal["qpos", "qvel"] = "qpos" if index < self.positions else "qvel"
         place = index if quantity == "qpos" else index - self.positions
         owners = [joint for joint in self.joints if getattr(joint, quantity) <= place]
@@ -278,7 +281,10 @@ def compare_timelines(
 
 
 def _other_digest(one: RunOutputs, other: RunOutputs) -> Divergence | None:
-    """Finds whether a trial and its rerun differ when only the hash of the trial's states is kept."""
+    """Returns the difference between a trial and its rerun when only hashes of their states are kept.
+
+    Returns `None` if there is none.
+    """
     digest, again = one.provenance.digest, other.provenance.digest
     if digest is None or again is None or digest == again:
         return None

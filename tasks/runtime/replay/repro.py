@@ -97,7 +97,7 @@ class Reproduction:
         return read_outputs(self.folder / FIRST_OUTPUTS)
 
     def why_not_comparable(self, rerun: Rerun) -> list[str]:
-        """Lists reasons for which a rerun on this machine may have other states than the run."""
+        """Lists reasons for which a rerun on this machine may have other states than the run; there may be none."""
         return why_not_comparable(self.first.provenance.machine, machine_facts()) + self.other_inputs(rerun)
 
     def other_inputs(self, rerun: Rerun) -> list[str]:
@@ -128,7 +128,7 @@ class Reproduction:
 
 
 def ending_of(outputs: RunOutputs, failure_code: str | None) -> dict[str, Any]:
-    """Returns the outcome of a run for comparison: verdict and missed requirements, or failure code."""
+    """Returns a run's outcome for comparison: verdict, missed requirements and cause of the end, or failure code."""
     if outputs.result is None:
         return {"failure_code": failure_code}
     missed = [each.name for each in outputs.result.requirements if not each.satisfied]
@@ -147,7 +147,7 @@ def rerun_ending(outputs: RunOutputs, failure_code: str | None) -> dict[str, Any
 
 
 def is_expected(ending: Mapping[str, Any], expected: Mapping[str, Any]) -> bool:
-    """Whether a rerun's outcome is the expected one."""
+    """Whether a rerun's outcome has all members of the expected one, with the same values."""
     return all(ending.get(name) == value for name, value in expected.items())
 
 
@@ -194,7 +194,10 @@ def write_reproduction(plan: RunPlan, first: Path, failure_code: str | None, fol
 
 
 def _move_all(source: Path, folder: Path) -> None:
-    """Moves the content of a folder to another one, the plan last: its presence marks a complete reproduction."""
+    """Moves the content of a folder to another one, the plan last: its presence marks a complete reproduction.
+
+    Raises `FileExistsError`, and moves nothing, if a file is there already.
+    """
     folder.mkdir(exist_ok=True)
     names = sorted((path.name for path in source.iterdir()), key=lambda name: name == PLAN_FILE)
     if taken := [name for name in names if (folder / name).exists()]:

@@ -290,7 +290,7 @@ def _both(first: Callable[[], None] | None, second: Callable[[], None]) -> Calla
 
 
 def _metrics(rules: Sequence[Rule[Any]]) -> dict[str, float]:
-    """Returns the metrics of all requirements that have one, for tables and comparisons, if measured."""
+    """Returns the metrics of all requirements that have one and could be judged, for tables and comparisons."""
     metrics: dict[str, float] = {}
     for rule in rules:
         if rule.error is None:

@@ -121,15 +121,15 @@ class Scene:
         """Does nothing: a simulation always contains the end of the run."""
 
     def messages(self, rule: Rule[Any], topic: str) -> Iterator[tuple[float, Any]]:  # noqa: ARG002 - see `Scene`
-        """Raises the error that messages are read after the run, so that a rule on topics cannot be judged yet."""
+        """Raises `NotMeasuredError`: messages on topics are read after the run, and rules on them judged then."""
         raise NotMeasuredError(NOT_READ)
 
     def pose_pairs(self, rule: Rule[Any], estimate: str, truth: str) -> Iterator[PosePair]:  # noqa: ARG002 - as above
-        """Raises the error that poses on topics are read after the run, as messages are."""
+        """Raises `NotMeasuredError`: poses on topics are read after the run, so a rule on them cannot be judged yet."""
         raise NotMeasuredError(NOT_READ)
 
     def contacts(self, rule: Rule[Any]) -> Callable[[], Mapping[str, float]]:
-        """Returns a function that reads the contact force (N) of each object that touches the robot."""
+        """Returns a function that reads the contact force (N) of each object that touches the rule's robot, by name."""
         body = self._robot(rule)
         if body not in self._contacts:
             robot = robot_geoms(self.model, body)
@@ -138,7 +138,7 @@ class Scene:
         return self._contacts[body].read
 
     def clearance(self, rule: Rule[Any]) -> Callable[[float], tuple[float, str] | None]:
-        """Returns a function that measures the smallest distance to other objects, in metres."""
+        """Returns a function that measures the smallest distance in metres from the rule's robot to other objects."""
         model, body = self.model, self._robot(rule)
         own = robot_geoms(model, body)
         part = own if getattr(rule.asked, "body", None) is None else bodies_below(model, body)[model.geom_bodyid]

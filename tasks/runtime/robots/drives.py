@@ -39,11 +39,14 @@ class VelocityController(KeepsAttributes):
         self.reset()
 
     def reset(self) -> None:
-        """Resets the controller at the start of a run; see `Controller`."""
+        """Sets the commanded velocities to zero, as at the start of a run; see `Controller`."""
         self._linear = self._angular = 0.0
 
     def command(self, action: Action) -> bool:
-        """Applies a velocity command for the next control step; see `Controller`."""
+        """Moves the robot's velocities towards a command, as far as its accelerations allow in a control step.
+
+        Returns whether the command is to stand still; see `Controller`.
+        """
         linear, angular = self._checked(action)
         self._linear += _clip(linear - self._linear, self._linear_change)
         self._angular += _clip(angular - self._angular, self._angular_change)
@@ -169,7 +172,7 @@ class RawController(KeepsAttributes):
         self._last: bytes | None = None
 
     def reset(self) -> None:
-        """Resets the controller at the start of a run; see `Controller`."""
+        """Forgets the last actuator controls, as at the start of a run; see `Controller`."""
         self._last = None
 
     def command(self, action: Action) -> bool:
@@ -207,7 +210,7 @@ class RawDrive:
         return specs.BoundedArray((len(ids),), np.float64, low, high, name=", ".join(self.actuators))
 
     def bind(self, model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> Controller:
-        """Makes the controller of this drive in a compiled world; see `Drive`."""
+        """Returns the controller that passes actions to a robot's actuators in a compiled world; see `Drive`."""
         ids = [int(model.actuator(f"{prefix}{name}").id) for name in self.actuators]
         return RawController(data, ids, self.action_spec(model, prefix))
 
@@ -234,16 +237,16 @@ class Base(Protocol):
     """Interface to the base of a robot in a simulation."""
 
     def place(self, heading: float) -> None:
-        """Places the robot at the origin with a heading; the caller calls `mj_forward`."""
+        """Places the robot at the origin with a heading in radians; the caller calls `mj_forward`."""
         ...
 
     def read(self) -> BaseState:
-        """Returns the base's pose and velocity."""
+        """Returns the base's present pose (m, rad) and velocity (m/s, rad/s)."""
         ...
 
 
 def bind_base(robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> Base:
-    """Finds the base of a robot in a compiled world."""
+    """Returns the access to pose and velocity of a robot's base in a compiled world, planar or free."""
     return PlanarBase(robot, model, data) if robot.planar_joints else FreeBase(robot, model, data)
 
 
@@ -271,11 +274,11 @@ class FreeBase:
         self._height_m = robot.spawn_height_m
 
     def place(self, heading: float) -> None:
-        """Places the robot at the origin with a heading; see `Base`."""
+        """Places the robot, which moves freely, at the origin at its height, with a heading in radians; see `Base`."""
         self._pose[:] = (0.0, 0.0, self._height_m, math.cos(heading / 2), 0.0, 0.0, math.sin(heading / 2))
 
     def read(self) -> BaseState:
-        """Returns the base's pose and velocity; see `Base`."""
+        """Returns the freely moving base's pose and velocity in the plane, and its tilt in radians; see `Base`."""
         x, y, _, qw, qx, qy, qz = self._pose.tolist()
         yaw = math.atan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy * qy + qz * qz))
         vx, vy, _, _, _, turning = self._velocity.tolist()
@@ -293,12 +296,12 @@ class PlanarBase:
         self._velocities = [data.qvel[int(joint.dofadr[0]) :] for joint in joints]
 
     def place(self, heading: float) -> None:
-        """Places the robot at the origin with a heading; see `Base`."""
+        """Places the robot, which moves on planar joints, at the origin with a heading in radians; see `Base`."""
         for view, value in zip(self._positions, (0.0, 0.0, heading), strict=True):
             view[0] = value
 
     def read(self) -> BaseState:
-        """Returns the base's pose and velocity; see `Base`."""
+        """Returns the planar base's pose (m, rad) and velocity (m/s, rad/s); it never tilts; see `Base`."""
         x, y, yaw = (float(view[0]) for view in self._positions)
         vx, vy, turning = (float(view[0]) for view in self._velocities)
         yaw = math.remainder(yaw, math.tau)

@@ -192,7 +192,7 @@ def _package_of(application: ApplicationPlan) -> _Package | None:
 
 
 def _inwards(folder: Path, parts: list[str]) -> list[Path]:
-    """Returns the folders on the way down from a folder, as far as they exist."""
+    """Returns the folders on the way down from a folder by names, as far as they exist, the outermost first."""
     folders = []
     for part in parts:
         folder = folder / part

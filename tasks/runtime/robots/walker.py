@@ -123,7 +123,7 @@ class TrotGait(KeepsAttributes):
         return any(place is not None for place in self._lifted_from)
 
     def _notice(self, dt_s: float, linear: float, angular: float, motion: Motion, *, walking: bool) -> None:
-        """Adapts slowly how much is added to commands, as feet slip and legs yield."""
+        """Adapts slowly how much is added to velocity commands (m/s, rad/s), as feet slip and legs yield."""
         errors = (linear - motion.forward_mps, angular - motion.turning_radps)
         limits = (0.5 * abs(linear) + 0.02, 0.5 * abs(angular) + 0.1)
         for axis, (error, limit) in enumerate(zip(errors, limits, strict=True)):
@@ -304,7 +304,7 @@ class TrotDrive(VelocityDrive):
     settings: GaitSettings = field(default_factory=GaitSettings)
 
     def bind(self, model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> Controller:
-        """Makes the controller of this drive in a compiled world; see `Drive`."""
+        """Returns the controller of the walking robot's legs in a compiled world; see `Drive`."""
         return TrotController(self, model, data, prefix)
 
 

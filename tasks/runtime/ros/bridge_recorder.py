@@ -125,7 +125,7 @@ class BridgeRecorder(Recorder):
             self._send(topic, encode(message))
 
     def announce(self, topic: str, kind: type[Message]) -> None:
-        """Records that a topic is recorded even without messages; see `McapRecorder.announce`."""
+        """Notes in the recording that a topic exists even without messages; see `McapRecorder.announce`."""
         self._inner.announce(topic, kind)
 
     def write(self, topic: str, message: Any, time_s: float) -> None:
@@ -159,7 +159,7 @@ class BridgeRecorder(Recorder):
             self._series.remove(relayed)
 
     def flush_when_due(self, full: bool = False) -> None:
-        """Writes due messages to the recording; `full`: takes the collected messages of all sources first."""
+        """Writes due messages to the recording file; `full` takes the collected messages of all sources first."""
         if full:
             for relayed in self._series:
                 relayed.gather()
@@ -247,7 +247,7 @@ class _Relayed:
         return self.series.topics
 
     def take(self) -> tuple[Numbers, list[list[AnyNumbers]]]:
-        """Returns the messages that the recording has not received yet."""
+        """Returns the messages that the recording has not received yet, new ones of the source included."""
         self.gather()
         kept, self._kept = self._kept, []
         return _joined(kept)

@@ -175,7 +175,14 @@ class Participant:
         self._types: dict[str, Any] = {}
 
     def writer(self, topic: str, ros_type: str, *, is_latched: bool, depth: int) -> "Writer":
-        """Creates a publisher of a ROS topic."""
+        """Creates a reliable publisher of a ROS topic in this participant's domain.
+
+        Args:
+            topic: Name of the topic, such as `/scan`.
+            ros_type: ROS type of its messages.
+            is_latched: Whether subscribers that come later get the last messages.
+            depth: Number of messages that are kept for subscribers.
+        """
         from cyclonedds import pub
         from cyclonedds.topic import Topic
 
@@ -255,7 +262,7 @@ class Waiter:
             self._waiting.attach(condition)
 
     def wait(self, timeout_s: float) -> bool:
-        """Waits until a subscriber has a message; returns whether one has."""
+        """Waits until a subscriber has a message, at most for a time in seconds; returns whether one has."""
         return self._waiting.wait(self._duration(seconds=timeout_s)) > 0
 
 

@@ -52,7 +52,7 @@ class DdsWire:
             )
 
     def send(self, topic: str, message: bytes) -> None:
-        """Publishes a message; see `Wire`."""
+        """Publishes a message (CDR) on an announced ROS 2 topic; see `Wire`."""
         self._writers[topic].write(message)
 
     def take(self) -> list[Command]:
@@ -71,7 +71,7 @@ class DdsWire:
         return [command for _, command in found]
 
     def wait(self, timeout_s: float) -> bool:
-        """Waits until a velocity command arrives; see `Wire`."""
+        """Waits for a velocity command, at most for a time in seconds; returns whether one came. See `Wire`."""
         assert self._waiter is not None
         return self._waiter.wait(timeout_s)
 
@@ -90,7 +90,7 @@ class DdsWire:
         )
 
     def close(self) -> None:
-        """Disconnects from the ROS nodes; see `Wire`."""
+        """Leaves the ROS 2 domain, which disconnects from the nodes; a second call does nothing; see `Wire`."""
         participant, self._participant = self._participant, None
         if participant is not None:
             participant.close()

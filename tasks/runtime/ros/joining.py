@@ -237,7 +237,7 @@ def _write(path: Path, text: str) -> None:
 
 
 def _fresh(path: Path) -> Path:
-    """Deletes whatever is at a path, such as a link that a program left, and returns the path."""
+    """Returns the temporary path of a file, after deleting what is there, such as a link that a program left."""
     unfinished = unfinished_of(path)
     unfinished.unlink(missing_ok=True)
     return unfinished

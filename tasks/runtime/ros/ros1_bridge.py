@@ -106,14 +106,17 @@ class Link:
         threading.Thread(target=self._send_all, name="to-simulation", daemon=True).start()
 
     def tell(self, state: dict[str, Any]) -> None:
-        """Sends the bridge's state to the simulation; a newer state replaces an unsent one."""
+        """Queues the bridge's state for the simulation.
+
+        A newer state replaces an unsent one. A too long one is dropped.
+        """
         content = json.dumps(state, separators=(",", ":"), sort_keys=True).encode("ascii")
         if len(content) <= MOST_BYTES[STATE]:
             self._state = HEADER.pack(len(content), STATE) + content
             self._wakes.set()
 
     def command(self, velocity: tuple[float, ...]) -> None:
-        """Sends a velocity command to the simulation."""
+        """Queues a velocity command for the simulation; nothing is waited for."""
         self._commands.append(HEADER.pack(VELOCITY.size, COMMAND) + VELOCITY.pack(*velocity))
         self._wakes.set()
 
@@ -252,7 +255,10 @@ class Meeting:
 
 
 def velocity_in(ros_type: str, content: bytes) -> tuple[float, ...]:
-    """Parses the velocity command in a ROS 1 message; missing numbers are NaN."""
+    """Returns the velocity command in a ROS 1 message: six velocities and the time stamp in seconds.
+
+    Numbers that the message does not have are NaN, as are all of a damaged message.
+    """
     try:
         if ros_type == "geometry_msgs/Twist":
             return (*_TWIST.unpack(content), math.nan)
@@ -304,7 +310,7 @@ class Bridge:
         )
 
     def publish(self, content: memoryview) -> None:
-        """Publishes a message on the topic whose index it has."""
+        """Publishes a message of the simulation on the ROS 1 topic whose index precedes it."""
         number = TOPIC.unpack_from(content)[0]
         message = self._kinds[number]()
         message._buff = content[TOPIC.size :]

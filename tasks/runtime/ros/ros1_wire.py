@@ -133,7 +133,7 @@ class Ros1Wire:
             select.select(reads, [link.connection] if link is not None and link.is_behind else [], [], left_s)
 
     def peers(self) -> Peers:
-        """Returns which ROS 1 nodes are connected."""
+        """Returns which ROS 1 nodes are connected, as the bridge process told last."""
         self._look()
         return self._peers
 
@@ -233,7 +233,7 @@ class _Link:
     """A non-blocking connection to a bridge process."""
 
     def __init__(self, connection: socket.socket, greeting: bytes, dropped: Counter[str]) -> None:
-        """Starts sending the greeting to a newly connected bridge process."""
+        """Prepares the connection to a bridge process; the greeting is the first that is sent on it."""
         self.connection = connection
         self._frames = FrameBuffer({kind: MOST_BYTES[kind] for kind in (COMMAND, STATE)})
         self._begun = memoryview(greeting)

@@ -269,7 +269,7 @@ class RosAgent:
         return self._commands
 
     def silent(self) -> LaunchError:
-        """Makes the error about ROS nodes that sent no commands."""
+        """Returns, without raising it, the error about ROS nodes that sent no commands."""
         return LaunchError(
             f"the nodes of robot application {self._robot} sent no command on {self._command_topic} in "
             f"{self._time_s:.2f} s of simulated time; topics that they listen to: "

@@ -107,7 +107,10 @@ class Free:
         self._due_s: float | None = None
 
     def next_command(self, time_s: float, *, scanned: bool) -> Command | None:
-        """Returns the newest command when real time has caught up with simulated time; see `Timing`."""
+        """Waits until real time has caught up with simulated time, and returns the newest command (see `Timing`).
+
+        Returns `None` if none came. Raises `RunStopped` if the run has to stop.
+        """
         del time_s, scanned  # the wall clock decides
         now_s = self._waits.clock()
         # Lost time is not made up for: a burst of steps after a pause would be worse.

@@ -84,7 +84,7 @@ class SimulatedClock:
         self._times_ns: deque[int] = deque(maxlen=_CLOCKS)
 
     def add(self, message: Received) -> None:
-        """Adds a received `/clock` message to the known times."""
+        """Adds the time of a received `/clock` message to the known ones; damaged and late messages are ignored."""
         if len(message.data) < _CLOCK_BYTES or (self._sent_ns and message.sent_ns < self._sent_ns[-1]):
             return
         seconds = int.from_bytes(message.data[4:8], "little", signed=True)

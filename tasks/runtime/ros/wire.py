@@ -73,7 +73,12 @@ class Wire(Protocol):
         ...
 
     def send(self, topic: str, message: bytes) -> None:
-        """Publishes a message: CDR, little endian, with its encapsulation header of four bytes."""
+        """Publishes a message to the ROS nodes that subscribe to a topic.
+
+        Args:
+            topic: Name of an announced topic.
+            message: The message in CDR, little endian, with its encapsulation header of four bytes.
+        """
         ...
 
     def take(self) -> list[Command]:
@@ -81,7 +86,7 @@ class Wire(Protocol):
         ...
 
     def wait(self, timeout_s: float) -> bool:
-        """Waits until a velocity command arrives; returns whether one did."""
+        """Waits until a velocity command arrives, at most for a time in seconds; returns whether one did."""
         ...
 
     def peers(self) -> Peers:

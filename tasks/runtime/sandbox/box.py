@@ -251,7 +251,10 @@ class Box:
         return _orphan(lambda: kernel.enter_namespaces(self.keeper, self._kinds), become)
 
     def join_network(self) -> None:
-        """Moves this process into the sandbox's network and user namespace."""
+        """Moves this process into the sandbox's network and user namespace.
+
+        Does nothing if runs have the full network.
+        """
         if self._network != "full":
             kernel.enter_namespaces(self.keeper, kernel.NEW_USER | kernel.NEW_NETWORK)
 
@@ -264,7 +267,7 @@ class Box:
         self._control.close()
 
     def close(self) -> None:
-        """Ends all processes in the sandbox."""
+        """Kills the sandbox's first process, with which all processes in the sandbox end, and waits for that."""
         self._control.close()
         for door, _ in self.doors:
             door.close()
@@ -349,7 +352,10 @@ def _identity(path: str) -> list[int] | None:
 
 
 def _known(path: str, view: View, identity: list[int] | None) -> Sight:
-    """Checks that a path is the same file in this mount namespace, which lacks later mounts; returns its `Sight`."""
+    """Checks that a path is the same file in this mount namespace, which lacks later mounts; returns its `Sight`.
+
+    Raises `OSError` if it is not.
+    """
     if view != "hide" and _identity(path) != identity:
         raise OSError(f"{path} is on a file system that was mounted after the box was made")
     return Sight(path, view)

@@ -35,12 +35,18 @@ _LIBC = ctypes.CDLL(None, use_errno=True)
 
 
 def unshare(kinds: int) -> None:
-    """Creates new Linux namespaces of some kinds for this process (`unshare`)."""
+    """Creates new Linux namespaces of some kinds for this process (`unshare`).
+
+    Raises `OSError` if the kernel refuses.
+    """
     _check(_LIBC.unshare(kinds), "unshare")
 
 
 def enter_namespaces(pid: int, kinds: int) -> None:
-    """Moves this process into another process's namespaces; process namespaces only affect its children."""
+    """Moves this process into another process's namespaces; process namespaces only affect its children.
+
+    Raises `OSError` if the kernel refuses.
+    """
     descriptor = os.pidfd_open(pid)
     try:
         _check(_LIBC.setns(descriptor, kinds), "setns")
@@ -79,7 +85,7 @@ def restrict_mount(target: str, attributes: int, *, below: bool = True) -> None:
 
 
 def change_root(folder: str) -> None:
-    """Makes a mounted folder the root of this mount namespace."""
+    """Makes a mounted folder the root of this mount namespace, and detaches the old root."""
     os.chdir(folder)
     _check(_LIBC.syscall(_number(_PIVOT_ROOT), b".", b"."), "pivot_root")
     _check(_LIBC.umount2(b".", _MNT_DETACH), "umount")

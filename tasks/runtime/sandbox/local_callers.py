@@ -168,7 +168,7 @@ class Callers:
 
 
 def end_of_connection(peer: Address, server: Address) -> ConnectionEnd | None:
-    """Asks the kernel for the other end of a local connection; `None` if it has ended."""
+    """Returns the other end of a local connection, asking the kernel; `None` if the connection has ended."""
     try:
         return _asked(peer, server)
     except OSError:  # such questions are refused here
@@ -245,7 +245,10 @@ def _caller_of(pid: int, runs: Mapping[int, str]) -> Caller:
 
 
 def _of_another_user(user: int) -> Caller:
-    """Makes the caller for a socket of another user: its process cannot be seen; only a container's job has one."""
+    """Returns the caller for a socket of another user, whose process cannot be seen.
+
+    It is unknown if that user has processes in containers, which jobs may have started; else it is no job.
+    """
     with os.scandir("/proc") as entries:
         for entry in entries:
             if entry.name.isdecimal() and _is_contained(entry.name, user):

@@ -46,13 +46,13 @@ class CheckpointHeader(Model):
 
 
 def discard_checkpoints(folder: Path) -> None:
-    """Deletes all checkpoints, so that the run begins anew."""
+    """Deletes all checkpoints in a folder, so that the run begins anew."""
     for path in checkpoints_in(folder):
         path.unlink()
 
 
 def last_checkpoint(folder: Path) -> tuple[Path, CheckpointHeader] | None:
-    """Finds the last complete checkpoint of a run."""
+    """Returns path and header of the last complete checkpoint in a folder; `None` if there is none."""
     for path in reversed(checkpoints_in(folder)):
         with suppress(OSError, ValidationError, CheckpointError):
             header = CheckpointHeader.model_validate_json(read_left(path, _MOST_BYTES).partition(b"\n")[0])
@@ -235,7 +235,7 @@ class TrialCheckpoints:
         )
 
     def close(self) -> None:
-        """Releases the checkpoint folder."""
+        """Releases the lock on the checkpoint folder, so that another process may continue the run."""
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None

@@ -197,7 +197,7 @@ class StateDigest:
         self._kept = 1 + model.nq + model.nv
 
     def _keep_state(self, time_s: float) -> None:
-        """Stores time, positions and velocities, the first numbers of the integration state."""
+        """Stores time, positions and velocities, the first numbers of the state; writes full blocks to the file."""
         self._states.append(self._values[: self._kept].tobytes())
         self._state_due_s = time_s + STATE_EVERY_S
         if len(self._states) >= _BLOCK_STATES:

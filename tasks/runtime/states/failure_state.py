@@ -138,7 +138,7 @@ def _warnings(model: mujoco.MjModel, data: mujoco.MjData, counts: NDArray[np.int
 
 
 def _warned_joint(model: mujoco.MjModel, data: mujoco.MjData, kind: int) -> int | None:
-    """Returns the joint that a MuJoCo warning about a bad number refers to."""
+    """Returns the number of the joint that a MuJoCo warning about a bad number refers to; `None` if to none."""
     place = int(data.warning[kind].lastinfo)
     if kind in map(int, _OF_A_VELOCITY) and 0 <= place < model.nv:
         return int(model.dof_jntid[place])

@@ -66,7 +66,7 @@ class ProvenanceRecorder(Observer):
         self._resumed_at_s: list[float] = []
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Adds the current state to the state hashes."""
+        """Adds the current state to the state hashes; the first time, also writes the provenance file."""
         model, data = raw_physics(environment.physics)
         self._digest.look(model, data)
         self.next_time_s = time_s + LOOK_EVERY_S
@@ -76,7 +76,7 @@ class ProvenanceRecorder(Observer):
             self._write()
 
     def hear(self, state: bytes, time_s: float) -> None:
-        """Adds a state that an environment without physics gives to the state hashes."""
+        """Adds a state that an environment without physics gives to the state hashes, as `watch` does for physics."""
         self._digest.look_at(state, time_s)
         if not self._has_begun:
             self._has_begun = True
@@ -186,7 +186,7 @@ def _imported_by(applications: Sequence[ApplicationPlan]) -> dict[str, str]:
 
 
 def _content_of(application: ApplicationPlan) -> tuple[Literal["bundle", "module"], str] | None:
-    """Returns the kind (bundle or module) and the hash of an application's content."""
+    """Returns the kind (bundle or module) and the hash of an application's content; `None` if it is not known."""
     if application.path is not None:
         return "bundle", digest_of_folder(application.path)
     if application.attribute is not None:
@@ -197,7 +197,10 @@ def _content_of(application: ApplicationPlan) -> tuple[Literal["bundle", "module
 
 
 def _digest_of_module(attribute: str) -> str:
-    """Computes the hash of the Python files of an imported module's package, or of the module's file."""
+    """Returns the hash of the Python files of an imported module's package, or of the module's file.
+
+    The hash is empty if the module could not be imported.
+    """
     name = attribute
     while name not in sys.modules:
         name, _, last = name.rpartition(".")

@@ -265,7 +265,7 @@ class StateLogWriter:
             self._noted()
 
     def close(self) -> None:
-        """Finishes the state log."""
+        """Writes the last states to the state log and closes it."""
         self._flush()
         self._log.close()
         (self._folder / TAIL_FILE).unlink(missing_ok=True)
@@ -346,7 +346,7 @@ class StateLogger(Observer):
             self._give_up(error)
 
     def close(self, ended_by: str | None) -> Findings:
-        """Finishes the state log; see `results.Observer`."""
+        """Finishes the state log; returns the reason if it could not be written; see `results.Observer`."""
         del ended_by
         try:
             if self._writer is not None and self._error is None:

@@ -229,7 +229,10 @@ def _write_for_run(plan: RunPlan, ended: Exit | None, times: tuple[datetime, dat
 
 
 def _complete_trials(plan: RunPlan, outcome: Outcome) -> None:
-    """Stores the results of trials that had finished when the run's process was killed or failed."""
+    """Stores the results of trials that had finished when the run's process was killed or failed.
+
+    If they cannot be written, a note in the outputs says so.
+    """
     stopped_by = None if outcome.status == "Failed" else "duration limit" if outcome.timed_out else "canceled"
     try:
         complete_after_all(plan, ended_by=stopped_by)
@@ -338,7 +341,10 @@ def _change_result(output_dir: Path, changes: Callable[[RunResult], dict[str, An
 
 
 def remove_verdict(output_dir: Path) -> None:
-    """Removes the verdict from the result of a run that was cancelled just before its end was known."""
+    """Removes the verdict from the `result.json` of a run that was cancelled just before its end was known.
+
+    Does nothing if there is no result, or it has no verdict.
+    """
     if (result := read_result(output_dir)) is not None and result.verdict != "NONE":
         with suppress(OSError):  # an application put something in the way
             write_result(result.unjudged(), output_dir)

@@ -165,7 +165,7 @@ class _Supervisors:
         self._alive[supervisor.pidfd] = supervisor.pid, descriptor
 
     def _dismiss(self, supervisor: "_StandBy") -> None:
-        """Ends a supervisor that has no run."""
+        """Ends a supervisor process that has no run, and waits for its end."""
         supervisor.control.close()
         os.waitpid(supervisor.pid, 0)
         os.close(supervisor.pidfd)

@@ -172,7 +172,7 @@ class Launcher:
             self._running_server()
 
     def close(self) -> None:
-        """Ends the fork server process; current runs continue."""
+        """Ends the fork server process, if it runs; current runs continue."""
         with self._lock:
             if self._server is not None:
                 self._server.close()
@@ -361,13 +361,13 @@ class _FirstCrash:
         self._outcome: Outcome | None = None
 
     def on_crash(self, crashed: Exit) -> None:
-        """Determines the outcome of a crash while its log is fresh, and reports it."""
+        """Determines the outcome of a crash while its log is fresh, keeps it, and reports failure code and reason."""
         self._outcome = decided = decide_outcome_with_log(crashed, None, self._plan)
         if self._on_crash is not None:
             self._on_crash(decided.failure_code or _INTERNAL, decided.failure_reason or "")
 
     def outcome(self, stopped_for: RunStop | None) -> Outcome | None:
-        """Returns the run's outcome if one of its programs crashed: failed, unless it was cancelled later."""
+        """Returns the run's outcome if a program of it crashed (failed, unless it was cancelled later), else `None`."""
         if self._outcome is None or stopped_for in (None, RunStop.DURATION_LIMIT):
             return self._outcome
         return decide_outcome(None, stopped_for, self._plan)

@@ -139,7 +139,7 @@ class Supervision:
             self._logs += self._programs[-1].logs
 
     def start(self) -> None:
-        """Starts the simulation process and the programs of the run."""
+        """Starts the simulation process and the programs of the run, and watches the forwarded ports."""
         if self._plan.has_episode:
             self._run_pid = self._begin_run()
             self._run_ended = os.pidfd_open(self._run_pid)
@@ -331,7 +331,7 @@ class Supervision:
     # Ending
 
     def _end(self) -> None:
-        """Ends the run without a request from outside."""
+        """Asks the run's processes to end, as the run is over by itself, and kills them after some time."""
         if not self._is_stopping:
             self._is_stopping = True
             self._ask_to_end("canceled")
@@ -404,7 +404,7 @@ class Supervision:
         )
 
     def _trial(self) -> int | None:
-        """Returns the number of the trial that the run's process is in."""
+        """Returns the number of the trial that the run's process is in, `None` without trials or after the last."""
         trials, finished = self._plan.trials, self._progress.trials
         return finished if trials is not None and finished < trials.count else None
 

@@ -46,7 +46,7 @@ class LaunchWatch:
         """Function that handles the log line after an ambiguous one; None: no such line is awaited."""
 
     def look(self) -> str | None:
-        """Returns the first new log line that reports a failed launch or a dead required node."""
+        """Returns the first new log line that reports a failed launch or a dead required node, `None` without one."""
         found = (self._failure_in(line) for line in self._new_lines())
         said = next((each for each in found if each is not None), None)
         return None if said is None else said.decode(errors="replace").strip()
@@ -176,7 +176,7 @@ class Program:
         self.ended = os.pidfd_open(self.pid)
 
     def launch_failure(self) -> str | None:
-        """Returns a launch failure of a ROS launch program that its log has reported since the last call."""
+        """Returns a failure that a ROS launch program has logged since the last call; `None` if there is none."""
         return next((said for watch in self._watches if (said := watch.look()) is not None), None)
 
     def see_end(self) -> int:
@@ -192,7 +192,7 @@ class Program:
         return status
 
     def terminate(self) -> None:
-        """Asks the program and its process group to end (SIGTERM)."""
+        """Asks the program and its process group to end (SIGTERM); does nothing if it does not run."""
         if self.pid is not None:
             with suppress(ProcessLookupError, PermissionError):
                 os.killpg(self.pid, signal.SIGTERM)

@@ -212,7 +212,7 @@ def tool_in_words(tool: ToolEnds, plan: RunPlan) -> str:
 
 
 def _about_tools(ended: Exit, plan: RunPlan) -> str:
-    """Names tools that were restarted repeatedly, as they may have caused a failure."""
+    """Returns the end of a failure reason: tools that were restarted repeatedly, as these may have caused it."""
     return "".join(f". {tool_in_words(tool, plan)}" for tool in ended.tools if tool.ends >= OFTEN)
 
 

@@ -219,7 +219,7 @@ def complete_after_all(plan: RunPlan, *, ended_by: str | None) -> None:
 
 
 def recorded_trials(output_dir: Path) -> list[int]:
-    """Returns the numbers of the trials that have an output folder."""
+    """Returns the numbers of the trials that have an output folder of their own, in order."""
     folder = output_dir / TRIALS_FOLDER
     if not folder.is_dir():
         return []

@@ -110,7 +110,7 @@ class Tally:
 
     @property
     def first_failing(self) -> list[int]:
-        """Numbers of the first trials that did not pass."""
+        """Numbers of the first trials that failed or ended with an error, at most as many as are kept."""
         return [each.trial for each in self._failing]
 
     @property
@@ -271,7 +271,7 @@ class _RequirementCount:
 
 
 def _count(counts: dict[_Key, dict[str, int]], key: _Key, counted: str) -> None:
-    """Increases a count of a key, if the key is among the first `MAX_CELLS`."""
+    """Increases a count of a key by one, if the key is among the first `MAX_CELLS`; else does nothing."""
     if key in counts or len(counts) < MAX_CELLS:
         of_key = counts.setdefault(key, {})
         of_key[counted] = of_key.get(counted, 0) + 1

@@ -147,7 +147,7 @@ class CameraRecorder(Observer):
         return _Sight(picture, depths_m, mount)
 
     def close(self, ended_by: str | None) -> Findings:
-        """Frees the renderer; returns the reason if no pictures were recorded."""
+        """Frees the renderer; returns the reason if pictures could not be recorded, as a finding of the run."""
         del ended_by
         if self._renderer is not None:
             self._renderer.close()
@@ -184,7 +184,7 @@ def _jpeg(pixels: Image) -> bytes:
 
 
 def _depth_image(header: ros.Header, depths_m: Depths, encoding: str) -> ros.Image:
-    """Makes a depth image message as in REP 118."""
+    """Returns a ROS depth image message as in REP 118: metres as floats, or millimetres as integers, 0 if too far."""
     if encoding == "32FC1":
         return ros.Image(header, encoding, depths_m)
     millimetres = np.rint(1000.0 * depths_m)
@@ -192,7 +192,7 @@ def _depth_image(header: ros.Header, depths_m: Depths, encoding: str) -> ros.Ima
 
 
 def _points(depths_m: Depths, info: CameraInfo) -> Depths:
-    """Computes the points of a depth image in the optical frame, in the order of the pixels."""
+    """Computes the points of a depth image in the optical frame in metres, shape (height, width, 3), NaN at the sky."""
     height, width = depths_m.shape
     seen_m = np.where(np.isfinite(depths_m), depths_m, np.float32(np.nan))
     right = (np.arange(width, dtype=np.float32) - np.float32(info.cx)) / np.float32(info.fx)
@@ -201,7 +201,10 @@ def _points(depths_m: Depths, info: CameraInfo) -> Depths:
 
 
 def _default_camera(model: mujoco.MjModel) -> str | None:
-    """Chooses the robot's front camera, else the model's first camera that has a name."""
+    """Returns the name of the robot's front camera, else of the model's first camera that has a name.
+
+    Returns `None` if there is none.
+    """
     names = [model.camera(camera).name for camera in range(model.ncam)]
     ahead = [name for name in names if name.rpartition("/")[2] == _FRONT]
     return next((name for name in (*ahead, *names) if name), None)

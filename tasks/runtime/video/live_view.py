@@ -114,7 +114,7 @@ class LiveFrames:
             return self._number, self._jpeg
 
     def close(self) -> None:
-        """Releases all waiting viewers, and ends the rendering thread."""
+        """Releases all waiting viewers, and waits a limited time until the rendering thread has ended."""
         with self._changed:
             self.closed = True
             self._changed.notify_all()
@@ -234,7 +234,7 @@ class LiveView(Observer):
         sys.stdout.write(f"Live view: {self.url}\n")
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Updates the time, and passes on the state if a viewer waits for a picture."""
+        """Updates the time that is shown, and passes on the state if a viewer waits for a picture."""
         if self._state == "starting":
             self._state, self._began_s = "running", time.monotonic()
         self._time_s = time_s
@@ -242,7 +242,7 @@ class LiveView(Observer):
         self.next_time_s = time_s + _CHECK_EVERY_S
 
     def close(self, ended_by: str | None) -> Findings:
-        """Ends the web server of the live view."""
+        """Ends the web server of the live view, and deletes the file with its address; returns no findings."""
         del ended_by
         self._file.unlink(missing_ok=True)
         self._frames.close()

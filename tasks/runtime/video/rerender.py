@@ -104,7 +104,7 @@ def _first_frame(log: StateLog, settings: VideoSettings, begin_s: float) -> int:
 
 
 def _pictures(log: StateLog, settings: VideoSettings, backend: str, begin: int) -> Iterator[Image]:
-    """Yields the images of the video's frames from a number on; at least that of the last state."""
+    """Yields the images of the video's frames from the frame number `begin` on; at least that of the last state."""
     for segment in log.segments:
         last = math.floor((segment.times[-1] + _TOLERANCE_S) * settings.rate_hz)
         if last >= begin:

@@ -145,14 +145,14 @@ class ViewRenderer:
         self._small_time_s = 0.0
 
     def picture(self, data: mujoco.MjData) -> Image:
-        """Renders the picture of a state whose poses have been computed."""
+        """Renders the picture of a state whose poses have been computed, perhaps with a small second view."""
         picture = self._camera.picture(data, self._view)
         if self._small_view is not None:
             _inset(picture, self._small_picture(data, self._small_view))
         return picture
 
     def depths(self, data: mujoco.MjData) -> Depths:
-        """Renders a depth image of a simulation state."""
+        """Renders the depths in the camera view of a simulation state, in metres, shape (height, width)."""
         return self._camera.depths(data, self._view)
 
     def look(self, data: mujoco.MjData, scene: mujoco.MjvScene) -> mujoco.MjvCamera:
@@ -169,12 +169,12 @@ class ViewRenderer:
         return self._small
 
     def close(self) -> None:
-        """Frees the renderer's memory."""
+        """Frees the renderer's memory; no picture can be rendered afterwards."""
         self._camera.close()
 
 
 def _inset(picture: Image, small: Image) -> None:
-    """Puts a small image into the upper right corner of an image, with a frame."""
+    """Puts a small image into the upper right corner of another image, in place, with a frame."""
     edge = max(1, picture.shape[0] // 240)
     margin = max(2, round(_INSET_MARGIN_SHARE * picture.shape[0]))
     height, width = small.shape[:2]
@@ -272,7 +272,7 @@ class VideoWatcher(Observer):
         return {VIDEO_FILE: times}
 
     def restore(self, state: float, environment: Any) -> None:
-        """Begins a new video for a resumed run, because the earlier one was lost."""
+        """Begins a new video at the time of a checkpoint, because the earlier one was lost with its process."""
         super().restore(state, environment)
         self._begins_s = state
 

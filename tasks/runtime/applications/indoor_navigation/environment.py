@@ -78,7 +78,7 @@ class IndoorNavigation(ResumableEnvironment):
         return frames_of_bodies(self.robot, self.physics.model.ptr, self._navigation.frames)
 
     def renew(self, context: SimulationContext) -> None:
-        """Prepares the environment for the next trial, which begins with `reset`."""
+        """Gives the environment the random generator of the next trial, which begins with `reset`."""
         self._navigation.renew(context.rng)
 
     def run_result(self) -> EnvironmentReport:
@@ -126,7 +126,7 @@ def make_environment(context: SimulationContext) -> IndoorNavigation:
 
 
 def _known_map(world_dir: Path) -> OccupancyMap | None:
-    """Reads the world's occupancy map; `None` if there is none, or it cannot be read."""
+    """Reads the world's occupancy map; `None` if there is none, or it cannot be read, which is logged."""
     try:
         return read_world_map(world_dir) if (world_dir / "map.yaml").is_file() else None
     except (OSError, ValueError) as cause:

@@ -115,7 +115,7 @@ class Fan:
         return self._parts(middle + min(sides) - _ROUNDING, middle + max(sides) + _ROUNDING, least_m, distances)
 
     def _parts(self, begin: float, end: float, least_m: float, distances: Floats) -> Iterator[slice]:
-        """Yields one or two slices of the rays between two ray numbers, without rays that end before `least_m`."""
+        """Yields one or two slices of the rays between two ray numbers, unless all of them end before `least_m`."""
         first = math.ceil(begin) % self.count
         stop = min(first + math.floor(end) - math.ceil(begin) + 1, first + self.count)
         for part in (slice(first, min(stop, self.count)), slice(0, max(stop - self.count, 0))):
@@ -424,7 +424,7 @@ class LevelScan:
 
 
 def _vertical_extents(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Floats, Floats]:
-    """Returns the lowest and highest z of each geom now; equal for horizontal planes."""
+    """Returns the lowest and highest z of each geom now, in metres; equal for horizontal planes."""
     vertical = data.geom_xmat[:, 6:9]
     plane = model.geom_type == _PLANE
     level = np.abs(vertical[:, 2]) > _EXACT

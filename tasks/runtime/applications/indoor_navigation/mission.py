@@ -225,7 +225,7 @@ class CollisionMonitor(KeepsAttributes):
         self.max_force_N = 0.0
 
     def sample(self) -> None:
-        """Records the robot's current contacts: begins, extends and ends collisions."""
+        """Records the robot's current contacts: begins and extends collisions, and ends those separated for long."""
         if forces := self._contacts.read():
             self._note(forces)
             if self._on_touch is not None:

@@ -223,7 +223,7 @@ class NavigationTask(Task):
         return self._recorder.frames
 
     def renew(self, rng: np.random.Generator) -> None:
-        """Prepares the task for another episode, with another random generator."""
+        """Gives the task another random generator, for the episode that begins next."""
         self._rng = rng
 
     def state(self) -> dict[str, Any]:
@@ -258,7 +258,7 @@ class NavigationTask(Task):
         self._pose = self._drift.told(self._state.x, self._state.y, self._state.yaw)
 
     def report(self) -> EnvironmentReport:
-        """Computes the verdict and metrics of the run so far."""
+        """Ends open collisions, and returns the verdict and metrics of the run so far."""
         collisions = self._monitor.finish()
         monitor = self._monitor
         return self.mission.report(collisions, monitor.count, monitor.max_force_N, can_touch=monitor.can_touch)
@@ -276,7 +276,7 @@ class NavigationTask(Task):
         self._sensors = {kind: self._reader(names, physics) for kind, names in robot.sensors}
 
     def _reader(self, names: Sequence[str], physics: ScenePhysics) -> Callable[[], tuple[float, ...]]:
-        """Returns a function that reads some of the robot's sensors."""
+        """Returns a function that reads the present numbers of some of the robot's MuJoCo sensors."""
         found = [physics.model.ptr.sensor(f"{self._robot.prefix}{name}") for name in names]
         places = [int(each.adr[0]) + axis for each in found for axis in range(int(each.dim[0]))]
         return _picked(physics.data.ptr.sensordata, places)
@@ -339,7 +339,10 @@ class NavigationTask(Task):
                 self._scan, self._proximity, self._scan_time = ranges
 
     def _measure_ranges(self, scanner: lidar.RangeFinder, bumper: lidar.RangeFinder, model: Lidar) -> None:
-        """Measures ranges with lidar and bumper once, so that the first observation has them."""
+        """Measures ranges with lidar and bumper once, and queues them for the observation after the latency.
+
+        The lidar's errors are added, and the scan is also recorded.
+        """
         assert self.lidar_errors is not None
         time_s, latency_s = self._state.time_s, self.lidar_errors.latency_s if self._steps else 0.0
         measured = self.lidar_errors.disturb(scanner.measure(), self._rng, self._chance)

@@ -222,7 +222,7 @@ def _kind_of_name(model: mujoco.MjModel, geom: int) -> str:
 
 
 def _unobtrusive(shape: Marker) -> Marker:
-    """Lowers a floor marker a little below maps and plans, and makes a wall marker translucent."""
+    """Returns a marker that hides less: a floor a little below maps and plans, a wall translucent; others unchanged."""
     x, y, z = shape.pose.position
     if abs(z + shape.scale.z / 2) < _FLOOR_M:
         return shape._replace(pose=shape.pose._replace(position=ros.Vector3(x, y, z - 2 * _FLOOR_M)))

@@ -130,7 +130,7 @@ def _compile(world_xml: Path, robot: Robot) -> mujoco.MjModel:
 
 
 def _raise_slide_priority(own: mujoco.MjSpec, world: mujoco.MjSpec) -> None:
-    """Raises the contact priority of robot parts that have one (slides) above that of the world's floors."""
+    """Raises the contact priority of robot parts that have one (slides) above that of the world's floors, in place."""
     most = max((geom.priority for geom in world.geoms), default=0)
     for geom in own.geoms:
         if geom.priority > 0:
@@ -151,7 +151,7 @@ def _let_sleep(world: mujoco.MjSpec) -> None:
 
 
 def _hide_from_itself(model: mujoco.MjModel, body_id: int, unseen_group: int | None) -> None:
-    """Makes the robot's own parts invisible for its range sensors, but not for cameras."""
+    """Makes the robot's own parts invisible for its range sensors, but not for cameras, by changing the model."""
     own = model.body_rootid[model.geom_bodyid] == model.body_rootid[body_id]
     if unseen_group is not None:
         model.geom_group[own & (model.geom_group < _DRAWN_GROUPS)] = unseen_group

@@ -266,7 +266,10 @@ class Scout(KeepsAttributes):
         return follower.command(*pose, speed, min(self._speed_limit, _SPEED_LIMIT_MPS[self._way_kind]))
 
     def _order_rooms(self, here: tuple[float, float]) -> list[str]:
-        """Plans the order of the rooms; rooms without a path on the map come last, since the map may be wrong."""
+        """Returns the rooms in the order of a short tour from a place in metres.
+
+        Rooms without a path on the map come last.
+        """
         rooms = list(self._goals)
         tour = plan_tour(self._planner.distances([here, *self._goals.values()]))
         order = [rooms[place - 1] for place in tour]
@@ -305,7 +308,10 @@ class Scout(KeepsAttributes):
             self._follower = None
 
     def _is_stuck(self, pose: Pose, now_s: float) -> bool:
-        """Whether the robot has neither moved nor turned noticeably for a while, although it is commanded to."""
+        """Whether the robot has neither moved nor turned noticeably for a while, although it is commanded to.
+
+        Remembers the pose from which it has moved on.
+        """
         was = self._anchor.pose
         moved = math.hypot(pose[0] - was[0], pose[1] - was[1]) > _PROGRESS_M
         turned = abs(math.remainder(pose[2] - was[2], math.tau)) > _PROGRESS_RAD

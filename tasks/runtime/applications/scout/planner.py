@@ -45,7 +45,7 @@ def smooth(points: NDArray[np.float64], clearance: Clearance, radius_m: float) -
 
 
 def resample(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Places points evenly along a polyline, ends included."""
+    """Returns points evenly spaced along a polyline in metres, shape (n, 2), both ends included."""
     lengths = np.hypot(*np.diff(points, axis=0).T) if len(points) > 1 else np.zeros(0)
     along = np.concatenate(([0.0], np.cumsum(lengths)))
     count = max(2, round(float(along[-1]) / STEP_M) + 1)
@@ -173,7 +173,7 @@ class GridPlanner:
         return None
 
     def prepare(self, goals: Iterable[tuple[float, float]]) -> None:
-        """Precomputes the costs of free paths from everywhere to some goals."""
+        """Computes, to be kept, the costs of free paths from everywhere to some goals (x, y in metres)."""
         grid = self._grid("free")
         for goal in goals:
             node = grid.node(goal)

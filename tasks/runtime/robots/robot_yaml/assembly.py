@@ -179,7 +179,10 @@ def _sensor(sensor: SensorKind, model: mujoco.MjModel, where: str) -> Sensor:
 
 
 def _ros(mapping: RobotModel, where: str) -> dict[str, Any]:
-    """Returns the options of the ROS bridge; options that are needed before this file is read are an error."""
+    """Returns the options of the ROS bridge in a `robot.yaml`; empty if it has none.
+
+    Raises `LaunchError` for options that are needed before this file is read.
+    """
     given = mapping.ros.model_dump(exclude_unset=True) if mapping.ros is not None else {}
     for name in NOT_OF_ROBOTS:
         if name in given:

@@ -154,7 +154,7 @@ def told(problems: list[Problem], path: object) -> str:
 
 
 def replace_inertial(problem: Problem) -> None:
-    """Replaces a link's inertia by that of its shapes, or makes it a point mass."""
+    """Replaces a link's inertia in the URDF by the suggested one: that of its shapes, or of a point mass."""
     assert problem.by_setting is not None
     for old in problem.link.findall("inertial"):
         problem.link.remove(old)

@@ -85,7 +85,7 @@ def _directions(middle: _Points) -> _Points:
 
 
 def _widest_m(middle: _Points, width_m: _Points) -> float:
-    """Returns the extent of a convex shape in metres: the largest value of its support function."""
+    """Returns the largest horizontal distance of a convex shape from the origin in metres, by its support function."""
     return float((_directions(middle) @ middle[:2] + width_m).max())
 
 
@@ -94,7 +94,7 @@ def _farthest_m(points: _Points) -> float:
 
 
 def check_shapes(model: mujoco.MjModel, where: str) -> None:
-    """Raises an error for a robot without collision shapes, which would go through walls unnoticed."""
+    """Raises `LaunchError` for a robot without collision shapes, which would go through walls unnoticed."""
     collides = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     if not (collides & (model.geom_bodyid > 0)).any():
         raise invalid(
@@ -139,7 +139,7 @@ def check_sizes(
 
 
 def warn_of_overhang(mapping: RobotModel, model: mujoco.MjModel, data: mujoco.MjData, where: str) -> None:
-    """Warns if parts reach beyond the disc of the footprint: planners would drive into obstacles."""
+    """Logs a warning if parts reach beyond the disc of the footprint: planners would drive into obstacles."""
     reach_m = solid_reach_m(model, data)
     if reach_m > mapping.footprint.radius_m + _OVERHANG_M:
         _logger.warning(

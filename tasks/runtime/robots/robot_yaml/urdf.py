@@ -284,7 +284,7 @@ def _only_draw(mesh: mujoco.MjsMesh) -> None:
 
 
 def _set_compiler(robot: ET.Element) -> None:
-    """Sets the options of MuJoCo's URDF importer that the file does not set itself."""
+    """Adds to a URDF the options of MuJoCo's importer that the file does not set itself, and removes its `meshdir`."""
     extension = robot.find("mujoco")
     extension = ET.SubElement(robot, "mujoco") if extension is None else extension
     compiler = extension.find("compiler")
