@@ -40,7 +40,7 @@ _MOST_OVERHEAD_BYTES = 1024
 
 
 class ActionLogError(ValueError):
-    """Raised when a log of robot actions cannot be read."""
+    """Raised when a file is no log of robot actions, or its header cannot be read; a damaged end is no error."""
 
 
 _Bound = bool | int | float | None
@@ -98,7 +98,7 @@ def chunk_of(kind: bytes, count: int, first: int, content: bytes) -> bytes:
 
 
 class ActionLog:
-    """Reader of the actions that a robot program sent during a run, one chunk at a time."""
+    """Reader of the actions that a robot program sent during a run, one chunk at a time; a damaged end is left out."""
 
     def __init__(self, path: Path) -> None:
         """Opens an action log for reading; the log of a process that was killed can be read, too.
@@ -208,7 +208,10 @@ _COMPRESSION_LEVEL = 3
 
 
 class ActionLogWriter:
-    """Writer of the actions that a robot program sends during a run; for one thread."""
+    """Writer of the actions that a robot program sends during a run, to be used by one thread.
+
+    Actions survive a killed process, up to the last one that was added.
+    """
 
     def __init__(self, path: Path, header: ActionLogHeader) -> None:
         """Creates an action log.

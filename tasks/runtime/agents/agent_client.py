@@ -218,7 +218,7 @@ def _shaped(items: Iterator[Any], shape: tuple[int, ...]) -> Any:
 
 
 class _Layout:
-    """All arrays of an observation or of the action."""
+    """Arrays of an observation or of the action, and their place in a message of the agent protocol."""
 
     def __init__(self, description: dict[str, Any]) -> None:
         self.size: int = description["size"]

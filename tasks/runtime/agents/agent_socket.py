@@ -81,7 +81,7 @@ def _remove(path: Path) -> None:
 
 
 class AgentSocket:
-    """Unix socket on which a simulation waits for its robot program."""
+    """Unix socket on which a simulation waits for its robot program; its file is deleted by `close`."""
 
     def __init__(self, plan: RunPlan, name: str = AGENT_SOCKET) -> None:
         """Opens the socket and listens.
@@ -175,7 +175,10 @@ class AgentSocket:
 
 
 class AgentLink:
-    """Connection from a simulation to its robot program."""
+    """Connection from a simulation to its robot program, which sends and receives whole messages of the agent protocol.
+
+    Waiting ends with `Stopped` if the run has to stop, and with `Closed` if the program has closed the connection.
+    """
 
     def __init__(
         self, connection: socket.socket, limits: dict[int, int], stop: Stop, clock: Clock = time.monotonic

@@ -24,7 +24,7 @@ _ROUNDING = 1e-9
 
 @dataclass
 class LidarErrors:
-    """Errors of a lidar: noise, bias, dropout and latency."""
+    """Errors of a lidar, which axes of trials can change: noise and bias (m), share of lost rays, and latency (s)."""
 
     noise_std_m: float
     """Standard deviation of the noise of ranges, in metres."""
@@ -53,7 +53,7 @@ class LidarErrors:
 
 @dataclass
 class CommandDelay:
-    """Delay between an agent's commands and the motors."""
+    """Delay in seconds between an agent's commands and the motors, which axes of trials can change."""
 
     delay_s: float = 0.0
     """Simulated seconds from a command to the motors."""
@@ -61,7 +61,7 @@ class CommandDelay:
 
 @dataclass
 class CommandGains:
-    """Factors by which an agent's commands are multiplied."""
+    """Factors on an agent's commands, which axes of trials can change: one on all numbers, one on the turning rate."""
 
     whole: float = 1.0
     """Factor on all numbers of a command."""
@@ -92,7 +92,7 @@ class CommandGains:
 
 @dataclass
 class WheelSlip:
-    """Slip of wheels."""
+    """Share of the wheels' motion that is lost to the floor, from 0 to 1, which axes of trials can change."""
 
     slip: float = 0.0
     """Share of their turning that does not move the robot, 0 to below 1."""
@@ -105,7 +105,7 @@ class WheelSlip:
 
 @dataclass
 class OdometryErrors:
-    """Errors of the pose that a robot is told."""
+    """Errors of the pose that a robot is told, which axes of trials can change: drift in metres per root of a metre."""
 
     drift_std_m: float = 0.0
     """Standard deviation of x and y in metres, and of the heading in radians, after one metre of way."""

@@ -40,7 +40,7 @@ _SPOILS_JUDGEMENT = {
 
 @dataclass(frozen=True)
 class _First:
-    """First occurrence of a defect, with its step and simulated time."""
+    """First occurrence of a defect of the physics, with its step and simulated time in seconds, for a message."""
 
     text: str
     step: int

@@ -85,7 +85,7 @@ def find_recording(place: Path) -> Path:
 
 
 class Bag:
-    """Reader of a ROS recording (ROS 1 or 2 bag, MCAP)."""
+    """Reader of a ROS recording (ROS 1 or 2 bag, MCAP); errors in the recording are raised as `RecordingFault`."""
 
     def __init__(self, path: Path) -> None:
         """Opens a recording and reads which topics it has.

@@ -20,7 +20,7 @@ Timed = Iterator[tuple[float, Message]]
 
 
 class StampedPose(NamedTuple):
-    """A pose with its time stamp."""
+    """A planar pose (m, m, rad) with the time at which it was received and the time on its stamp, in seconds."""
 
     time_s: float
     """Time of the message in seconds since the run began."""

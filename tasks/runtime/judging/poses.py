@@ -26,7 +26,7 @@ smaller.
 
 
 class Pose:
-    """Latest pose of a frame in the map; NaN before the first message."""
+    """Latest pose of a frame in the map (metres; quaternion, w first), updated in place; NaN before a message."""
 
     def __init__(self, sources: Sequence[Source]) -> None:
         self.sources = sources
@@ -55,7 +55,7 @@ class Pose:
 
 
 class PoseTopic:
-    """A recorded topic with one pose in each message."""
+    """A recorded topic with one pose in each message, and the latest of its poses."""
 
     def __init__(self, topic: str, sources: RecordingSources) -> None:
         self.source = Source(topic, sources.max_gap_s)
@@ -82,7 +82,7 @@ class PoseTopic:
 
 
 class TransformPoses:
-    """Poses of frames computed from recorded `/tf` messages."""
+    """Poses of frames, computed from recorded `/tf` messages and updated with each of them."""
 
     def __init__(self, tree: FrameTree, sources: RecordingSources) -> None:
         self._tree = tree

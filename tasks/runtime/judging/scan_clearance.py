@@ -18,7 +18,10 @@ _ALL_AROUND_RAD = math.radians(350)
 
 
 class Scan:
-    """Distances from the robot's surface to obstacles, from recorded lidar scans."""
+    """Distances in metres from the robot's surface to obstacles, from recorded lidar scans.
+
+    Rules become errors if the lidar cannot be trusted: its mounting is unknown, or it sees too little around the robot.
+    """
 
     def __init__(self, topic: str, tree: FrameTree, base: str, sources: RecordingSources) -> None:
         self.topic = topic

@@ -467,7 +467,10 @@ class Measurements:
 
 
 class TopicScene:
-    """Scene for judging requirements by a ROS recording instead of a physics simulation."""
+    """Scene for judging requirements by a ROS recording instead of a physics simulation; see `Scene`.
+
+    Measurements that a recording does not have raise `NotMeasuredError`.
+    """
 
     def __init__(
         self,

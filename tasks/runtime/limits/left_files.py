@@ -56,7 +56,7 @@ _FOLDER = os.O_DIRECTORY | os.O_CLOEXEC
 
 
 class HeldFile(NamedTuple):
-    """A file on disk: size in bytes on the disk, path and time of last change."""
+    """A file that takes space on a disk: its size there in bytes, path, time of last change (s), and device."""
 
     size_bytes: int
     """Space on the disk in bytes; holes of sparse files do not count."""

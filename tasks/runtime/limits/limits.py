@@ -28,7 +28,7 @@ _OTHER_FORKS = 512
 
 @dataclass(frozen=True)
 class Excess:
-    """An exceeded resource limit (memory, processes, disk, ...) of a run."""
+    """An exceeded resource limit of a run as text, and the process session that is to blame."""
 
     text: str
     """Message with the limit and the use."""

@@ -77,7 +77,7 @@ def hold(sources, seed, outside=()):
 
 
 class _Code:
-    """Tells the code of applications from that of Python and of this package."""
+    """Decides by the path of a source file whether it is code of an application, not of Python or of this package."""
 
     def __init__(self, outside):
         self._library = _standard_library()
@@ -89,7 +89,7 @@ class _Code:
 
 
 class _Notes:
-    """Sources that were used, each written down when it is used first: programs may end without warning."""
+    """Sources of chance that were used, each written to the rerun's file at its first use, before a sudden end."""
 
     def __init__(self):
         self._noted = set()

@@ -120,7 +120,7 @@ def run_episode(
 
 
 class _Loop:
-    """State of one episode of the simulation loop."""
+    """State of one episode of the simulation loop (steps, time, stop reason), with the loop itself."""
 
     def __init__(
         self,

@@ -33,7 +33,7 @@ _AS = ', such as {"world": "map", "chassis": "base_link"}'
 
 
 class Mount(NamedTuple):
-    """Pose of a camera in the ROS frame that it is fixed to."""
+    """Pose of a camera in a ROS frame, and whether it is fixed to that frame or moves in it."""
 
     parent: str
     """Name of the frame that the camera is fixed to."""

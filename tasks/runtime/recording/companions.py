@@ -166,7 +166,7 @@ _LATCHED = frozenset({"/tf_static", "/goals", "/map", "/world", "/robot", "/robo
 
 
 class Offer(NamedTuple):
-    """Quality of service (QoS) with which a ROS topic is offered to subscribers."""
+    """Quality of service (QoS) of a ROS topic's publisher: latched, reliable, and number of messages that are kept."""
 
     is_latched: bool = False
     """Whether later subscribers get the last messages (QoS durability `transient_local`)."""

@@ -24,7 +24,7 @@ _XYZW = (1, 2, 3, 0)
 
 @dataclass(frozen=True)
 class Link:
-    """A robot's body with joints of its own, as a ROS link."""
+    """A robot's body that its own hinges and slides move, as a ROS link below the link of its parent."""
 
     body: int
     parent_frame: str
@@ -38,7 +38,7 @@ class Link:
 
 
 class Links:
-    """Moving bodies of one robot, as ROS links with transforms."""
+    """Bodies of one robot that joints move, as ROS links, with the poses of all of them for many times at once."""
 
     def __init__(self, model: mujoco.MjModel, base: int, base_frame: str, without: Iterable[int] = ()) -> None:
         """Finds the bodies that hinges and slides move, outwards from the base.

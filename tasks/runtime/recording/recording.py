@@ -311,7 +311,7 @@ class McapRecorder(Recorder):
 
 
 class StaticTransforms:
-    """Poses of ROS frames that do not move, by child frame."""
+    """Poses of ROS frames that do not move, by child frame, of which `/tf_static` messages are made."""
 
     def __init__(self, known: Mapping[str, TransformStamped] | None = None) -> None:
         self.known = dict(known or {})

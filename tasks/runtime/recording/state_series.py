@@ -247,7 +247,7 @@ _MAX_ROW_BYTES = 256 * 1024
 
 
 class RowSeries:
-    """Collects a sensor's measurements, which become ROS messages when a chunk is written."""
+    """Series of one sensor's measurements, which are collected, and become ROS messages when a chunk is written."""
 
     def __init__(self, topic: str, columns: Columns) -> None:
         """Prepares a source of a sensor's messages, to be passed to `Recorder.add_series`.

@@ -20,7 +20,7 @@ _SUN, _LAMP, _SKY = "sun", "lamp_", "sky"
 
 
 class Relighting:
-    """Changes the lights of rendered scenes to a chosen appearance (day, night, ...)."""
+    """Lights of a model in a chosen appearance (day, night, ...), which are set in each scene that is rendered."""
 
     def __init__(self, model: mujoco.MjModel, appearance: Appearance) -> None:
         """Finds the model's lights and shiny materials that the appearance changes; the model itself stays as it is."""

@@ -175,7 +175,7 @@ class RayCamera:
 
 
 class _Buffers:
-    """Buffers for pictures of one size: geom and surface normal of each pixel."""
+    """Memory for pictures of one size, which is used again: geom and surface normal of each pixel."""
 
     def __init__(self, shape: tuple[int, int]) -> None:
         count = shape[0] * shape[1]

@@ -214,7 +214,7 @@ def _about_robot(run: RunOutputs) -> str:
 
 @dataclass(frozen=True)
 class JointNames:
-    """Joint names of the numbers in a state vector."""
+    """Names of a model's joints, by which an index in a state vector is told to people."""
 
     joints: Sequence[JointPlace]
     positions: int

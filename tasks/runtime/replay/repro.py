@@ -56,7 +56,7 @@ def test_its_states_are_the_same(rerun: Rerun) -> None:
 
 @dataclass(frozen=True)
 class Rerun:
-    """A rerun of a recorded run, with its outputs and failure code."""
+    """A rerun of a recorded run that has ended: its outcome, its outputs, and their folder."""
 
     outcome: RunOutcome
     outputs: RunOutputs
@@ -76,7 +76,7 @@ class Rerun:
 
 
 class Reproduction:
-    """A folder with everything to repeat a run, written by `write_reproduction`."""
+    """A folder with everything to repeat a run, written by `write_reproduction`, which can be run again."""
 
     def __init__(self, folder: Path) -> None:
         """Opens the folder.

@@ -206,7 +206,7 @@ def _bound(rule: Rule[Any], scene: Any) -> Look:
 
 
 class _Check:
-    """A rule with its measurement and its check interval."""
+    """A rule of a requirement, bound to its measurement, with the time in seconds at which it is looked at next."""
 
     def __init__(self, rule: Rule[Any], look: Look, room_of: Callable[[Rule[Any]], str | None] | None) -> None:
         self.rule = rule

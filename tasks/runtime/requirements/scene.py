@@ -45,7 +45,10 @@ _LEVEL_AXIS = 1e-5
 
 @dataclass(frozen=True)
 class Scene:
-    """MuJoCo simulation in which requirements are measured."""
+    """MuJoCo simulation in which requirements are measured: positions, contacts, distances, the world.
+
+    Measurements that the environment does not allow raise `NotMeasuredError`.
+    """
 
     environment: Any
     model: mujoco.MjModel

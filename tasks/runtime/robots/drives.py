@@ -234,7 +234,7 @@ class BaseState(NamedTuple):
 
 
 class Base(Protocol):
-    """Interface to the base of a robot in a simulation."""
+    """Interface to the base of a robot in a simulation, by which it is placed, and its pose and velocity are read."""
 
     def place(self, heading: float) -> None:
         """Places the robot at the origin with a heading in radians; the caller calls `mj_forward`."""
@@ -263,7 +263,7 @@ def take_home_pose(robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> 
 
 
 class FreeBase:
-    """Robot base with a free joint."""
+    """Base of a robot that moves freely, by a free joint, and so can tip over."""
 
     def __init__(self, robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         root = model.joint(f"{robot.prefix}{robot.free_joint}")

@@ -42,7 +42,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Lidar:
-    """Settings of a horizontal lidar on a robot."""
+    """Settings of a horizontal lidar on a robot: height, rays, rate, range in metres, and noise."""
 
     height_m: float
     """Height over the floor, in metres."""

@@ -39,7 +39,7 @@ _MAX_NAME = 60
 
 
 class _Package(NamedTuple):
-    """Folders of a robot application's files, in which its robot is searched."""
+    """Folders of a robot application in which its `robot.yaml` is searched, the innermost first, and their root."""
 
     folders: list[Path]
     """Folders of the application's packages, the innermost first."""
@@ -49,7 +49,7 @@ class _Package(NamedTuple):
 
 
 class FoundRobot(NamedTuple):
-    """The robot of a job, and the setting that chose it."""
+    """The robot model of a job, and the reason why it is that one, as text."""
 
     robot: Robot
     why: str

@@ -70,7 +70,7 @@ class GaitSettings:
 
 
 class Motion(NamedTuple):
-    """Velocity of a walking robot's body, in its own frame."""
+    """Velocity (m/s, rad/s) of a walking robot's body in its own frame, and its roll and pitch in radians."""
 
     forward_mps: float
     left_mps: float
@@ -80,7 +80,7 @@ class Motion(NamedTuple):
 
 
 class TrotGait(KeepsAttributes):
-    """Trot gait generator of a four-legged robot."""
+    """Trot gait of a four-legged robot: computes the joint angles of all legs, step by step, from velocities."""
 
     KEPT = ("_phase", "_missing", "_nominal", "_feet", "_lifted_from")
 

@@ -51,7 +51,7 @@ _PRIMITIVES = {
 
 
 class Publication(NamedTuple):
-    """A ROS topic's publisher that was discovered over DDS."""
+    """A publisher of a ROS topic that was discovered over DDS, with its type and quality of service."""
 
     topic: str
     """Name of the topic in ROS, such as `/scan`; DDS topics that are not of ROS are left out."""
@@ -301,7 +301,7 @@ class Writer:
 
 
 class Received(NamedTuple):
-    """A received DDS message with its source and time."""
+    """A received DDS message as bytes, with its publisher, and the time at which it was sent, in ns since 1970."""
 
     sent_ns: int
     """Time of publication in nanoseconds since 1970, by the publisher's clock."""

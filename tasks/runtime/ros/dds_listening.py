@@ -22,7 +22,7 @@ _REPLIES = 10
 
 
 class Announced(NamedTuple):
-    """A publisher of any DDS topic in the domain."""
+    """A publisher of any DDS topic that was discovered in the domain, with its type and quality of service."""
 
     writer: int
     """Handle of the publisher, as in its messages."""
@@ -46,7 +46,7 @@ class Announced(NamedTuple):
 
 
 class Subscription:
-    """Subscription of one topic of one type by the topic recorder."""
+    """Subscription of one ROS topic of one type by the topic recorder; counts lost messages."""
 
     def __init__(self, reader: Reader, depth: int) -> None:
         from cyclonedds.core import DDSStatus
@@ -90,7 +90,7 @@ class Call:
 
 
 class Listener:
-    """DDS participant that subscribes all topics for recording, without being a ROS node."""
+    """DDS participant that finds and subscribes all topics of a domain for recording, without being a ROS node."""
 
     def __init__(self, domain: int, reach: Reach) -> None:
         """Joins a ROS 2 domain.

@@ -15,7 +15,7 @@ _NO_NUMBERS = (math.nan, math.nan, math.nan)
 
 
 class DdsWire:
-    """Connection from the simulation to the ROS 2 nodes of one domain."""
+    """Connection from the simulation to the ROS 2 nodes of one domain over DDS: an implementation of `Wire`."""
 
     def __init__(self, domain: int, reach: Reach, *, is_reliable: bool = False) -> None:
         """Stores the settings; nothing is announced before `open`.

@@ -49,7 +49,7 @@ _HASH = "topic_type_hash"
 
 
 class Message(NamedTuple):
-    """A message of one of the recordings that are merged."""
+    """A message of one of the recordings that are merged, with its log time in ns and its topic."""
 
     time_ns: int
     part: str
@@ -60,7 +60,7 @@ class Message(NamedTuple):
 
 
 class Source(NamedTuple):
-    """A topic in one of the recordings that are merged."""
+    """A topic in one of the recordings that are merged, with type, definition and metadata."""
 
     topic: str
     type: str
@@ -70,7 +70,7 @@ class Source(NamedTuple):
 
 
 class Part:
-    """Reader of a recording that is merged with others; it may be cut off."""
+    """Reader of a recording that is merged with others; it may be cut off, and its whole messages are read then."""
 
     def __init__(self, name: str, file: BinaryIO) -> None:
         self.name = name
@@ -147,7 +147,7 @@ class Part:
 
 
 class Target:
-    """Writer of the merged recording."""
+    """Writer of the merged recording, which gets one channel for topics that are the same in several recordings."""
 
     def __init__(self, path: Path) -> None:
         self._stream = Unbuffered(path)

@@ -84,7 +84,7 @@ class Gone(Exception):
 
 
 class Link:
-    """Connection from the ROS 1 bridge process to the simulation."""
+    """Connection from the ROS 1 bridge process to the simulation; `Gone` is raised once the simulation closes it."""
 
     def __init__(self, path: str) -> None:
         """Connects to the simulation's socket.

@@ -42,7 +42,7 @@ _logger = logging.getLogger(__name__)
 
 
 class Ros1Wire:
-    """Connection from the simulation to ROS 1 nodes, through a bridge process."""
+    """Connection from the simulation to ROS 1 nodes, through a bridge process: an implementation of `Wire`."""
 
     def __init__(self, plan: RunPlan) -> None:
         """Stores the settings; the socket is opened by `open`.
@@ -230,7 +230,7 @@ class Ros1Wire:
 
 
 class _Link:
-    """A non-blocking connection to a bridge process."""
+    """Connection to a bridge process that never waits: messages are queued, and dropped if the process is too slow."""
 
     def __init__(self, connection: socket.socket, greeting: bytes, dropped: Counter[str]) -> None:
         """Prepares the connection to a bridge process; the greeting is the first that is sent on it."""

@@ -48,7 +48,7 @@ class Timing(Protocol):
 
 
 class _Waits:
-    """Waiting for wall-clock time or a command, with checks whether the run has to stop."""
+    """Waiting for wall-clock time or a command of ROS nodes; `RunStopped` is raised if the run has to stop."""
 
     def __init__(self, wire: Wire, stop: Stop, clock: Clock) -> None:
         self.wire, self._stop, self.clock = wire, stop, clock

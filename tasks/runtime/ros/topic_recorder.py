@@ -101,7 +101,7 @@ class SimulatedClock:
 
 @dataclass
 class Recorded:
-    """A topic that the topic recorder records."""
+    """A topic that is recorded: subscriptions, counts, channel, and messages that wait until its type is known."""
 
     name: str
     type: str
@@ -137,7 +137,7 @@ class Recorded:
 
 
 class Publisher(NamedTuple):
-    """Publisher of a recorded topic."""
+    """Publisher of a recorded topic: whether it is the simulation, and by which subscription it is heard."""
 
     is_simulation: bool
     topic: Recorded | None = None

@@ -6,7 +6,7 @@ from typing import NamedTuple, Protocol
 
 
 class Topic(NamedTuple):
-    """A ROS topic that the simulation publishes."""
+    """A ROS topic that the simulation publishes: name, type, and quality of service."""
 
     name: str
     """Topic name with its slash, such as `/scan`."""
@@ -43,7 +43,7 @@ class Command(NamedTuple):
 
 @dataclass(frozen=True)
 class Peers:
-    """ROS nodes that are connected to the simulation."""
+    """Facts about connected ROS nodes: topics that they hear, senders of commands, and commands of a wrong type."""
 
     heard: frozenset[str] = frozenset()
     """Topics of the simulation that at least one node subscribes to."""

@@ -239,7 +239,10 @@ _REFUSED = {  # on x86-64, on i386, on 64-bit ARM
 
 
 class _Machine(NamedTuple):
-    """System call numbers of a machine type; programs of several types can run on one machine."""
+    """Numbers of system calls on a machine type, by which they are filtered.
+
+    One kernel may run programs of several types.
+    """
 
     identity: int
     column: int

@@ -108,7 +108,7 @@ class ConnectionEnd(NamedTuple):
 
 @dataclass(frozen=True)
 class Caller:
-    """The process at the other end of a local connection, and the job it belongs to."""
+    """The process at the other end of a local connection: the job it belongs to, if any, or why that is not known."""
 
     job: str | None = None
     """ARN of the job to which the process belongs; `None`: no job."""

@@ -30,7 +30,7 @@ class CheckpointError(Exception):
 
 
 class RunTakenError(CheckpointError):
-    """Raised when another process already continues the run."""
+    """Raised when another process has locked the run's checkpoints, as it continues the run already."""
 
 
 class CheckpointHeader(Model):
@@ -191,7 +191,7 @@ _PAYLOAD = b"the trials are in the journal"
 
 
 class TrialCheckpoints:
-    """Checkpoints of a run with trials: the number of finished trials."""
+    """Checkpoints of a run with trials (the number of finished trials), in a folder that is locked for this process."""
 
     def __init__(self, plan: RunPlan) -> None:
         """Locks the checkpoint folder.

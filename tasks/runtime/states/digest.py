@@ -227,7 +227,7 @@ class StateDigest:
 
 @dataclass(frozen=True)
 class StateTimeline:
-    """Content of `digest.bin`: hash chain and some states of a run."""
+    """Content of `digest.bin`: links of the hash chain, and some states of a run with their times in seconds."""
 
     times_s: NDArray[np.float64]
     """Simulated times of the links, in seconds."""

@@ -123,7 +123,7 @@ def model_file(number: int) -> str:
 
 @dataclass(frozen=True)
 class _Chunk:
-    """Consecutive states of one model in the log."""
+    """Consecutive states of one model in a state log, a row each."""
 
     model: int
     nq: int

@@ -29,7 +29,7 @@ _VERDICTS = get_args(Verdict)
 
 @dataclass(frozen=True)
 class ProgramResult:
-    """A `result.json` that a program of a run wrote, and its problems."""
+    """A `result.json` that a program of a run wrote, checked: the result, or the problem with it."""
 
     result: RunResult | None = None
     """Parsed result; `None`: the file is missing or invalid."""

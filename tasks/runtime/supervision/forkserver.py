@@ -79,7 +79,7 @@ def main() -> None:
 
 
 class _StandBy(NamedTuple):
-    """A supervisor process that waits for a run."""
+    """A supervisor process that was forked ahead and waits for a run, with the socket by which it gets one."""
 
     pid: int
     pidfd: int

@@ -292,7 +292,7 @@ class Launcher:
 
 
 class _Server:
-    """Client side of the fork server process."""
+    """Fork server process that this process has started, which forks the supervisors of runs on request."""
 
     def __init__(self) -> None:
         ours, theirs = map(_above_standard, socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET))
@@ -353,7 +353,7 @@ def _end_server(process: "subprocess.Popen[bytes]", control: socket.socket) -> N
 
 
 class _FirstCrash:
-    """First crash of a program in a run that continues nevertheless."""
+    """Outcome of the first crash of a program in a run that goes on nevertheless; later crashes change nothing."""
 
     def __init__(self, plan: RunPlan, on_crash: OnCrash | None) -> None:
         self._plan = plan

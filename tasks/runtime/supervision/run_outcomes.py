@@ -31,7 +31,7 @@ _CRASH_CODES: dict[ApplicationRole | None, str] = {
 
 @dataclass(frozen=True)
 class Crash:
-    """A crash during a run: a program that ended unexpectedly, or exceeded a limit."""
+    """Crash of a run's program: its role, and how it ended unexpectedly or which limit it exceeded."""
 
     role: ApplicationRole
     """Role of the application that crashed or that the program belongs to."""

@@ -37,7 +37,7 @@ def read_journal(path: Path) -> Iterator[TrialRow]:
 
 
 class TrialJournal:
-    """Journal file of finished trials; each row survives a killed process."""
+    """Journal file to which each finished trial is appended; its rows survive a killed process."""
 
     def __init__(self, path: Path, take: TakeRow) -> None:
         """Opens a journal, to append after its last complete row.

@@ -224,7 +224,7 @@ class Tally:
 
 @dataclass
 class _Mean:
-    """Running mean of numbers that are not stored."""
+    """Mean of numbers that are added one by one and not kept."""
 
     count: int = 0
     value: float = 0.0

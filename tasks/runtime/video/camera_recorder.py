@@ -46,7 +46,7 @@ _MOST_MM = 0xFFFF
 
 
 class _Sight(NamedTuple):
-    """Image and depths that a camera sees; parts that are not needed are missing."""
+    """Image and depths (m) that a camera sees, each missing if it is not needed, and the camera's pose."""
 
     picture: Image | None
     depths_m: Depths | None

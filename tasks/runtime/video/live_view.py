@@ -156,7 +156,7 @@ class LiveFrames:
 
 
 class _Easel:
-    """Renders states of one model, on a copy of the model."""
+    """Renderer of the live view's pictures of one model, which works on a copy of the model in its own thread."""
 
     def __init__(self, state: _State, settings: VideoSettings, backend: str) -> None:
         self.model = state.model

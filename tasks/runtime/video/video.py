@@ -92,7 +92,7 @@ _FRAME = 245
 
 
 class ViewRenderer:
-    """Renders the frames of one video from a camera view."""
+    """Renderer of the frames of one video, and of depths, from a camera view; to be closed at the end."""
 
     def __init__(
         self,

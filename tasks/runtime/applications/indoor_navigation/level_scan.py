@@ -124,7 +124,7 @@ class Fan:
 
 
 class Frame:
-    """A robot's position and axes, projected to the floor plan."""
+    """A robot's position and axes, projected to the floor plan, which convert positions in the world to its own."""
 
     def __init__(self, origin: complex, x_axis: complex, y_axis: complex) -> None:
         """Stores the robot's position and axes, for the conversion of positions.
@@ -149,7 +149,7 @@ class Frame:
 
 
 class Faces:
-    """Vertical sides of box-shaped obstacles, for ray casting."""
+    """Vertical sides of box-shaped obstacles, of which the distances along a lidar's rays are computed."""
 
     def __init__(self, boxes: Places, range_max_m: float) -> None:
         """Selects the sides that a ray can hit.
@@ -195,7 +195,7 @@ class Faces:
 
 
 class Columns:
-    """Vertical cylinders as obstacles, for ray casting."""
+    """Vertical cylinders as obstacles, by which a lidar's rays are shortened."""
 
     def __init__(self, centers: Places, radii_m: Floats, range_max_m: float) -> None:
         """Stores the cylinders.

@@ -30,7 +30,7 @@ _NO_HARD_COLLISION = "no_hard_collision"
 
 
 class Mission(KeepsAttributes):
-    """Progress of a robot that has to visit every room."""
+    """Progress of a robot that has to visit every room within a time limit, and the verdict on it; has checkpoints."""
 
     KEPT = ("_unvisited", "first_visit_s", "tipped_over", "_distance_m", "_path", "_last")
 
@@ -175,7 +175,7 @@ MAX_REPORTED = 200
 
 @dataclass
 class _Touch:
-    """A collision of the robot that may still continue."""
+    """A collision of the robot that may still go on: its first and last time (s), place (m) and largest force (N)."""
 
     first_s: float
     last_s: float

@@ -32,7 +32,7 @@ _DRAWN_GROUPS = 3
 
 
 class ScenePhysics(Physics):
-    """dm_control physics that calls a function several times within one control step."""
+    """dm_control physics that may call a function several times within one control step, and loads data faster."""
 
     unseen_group: int | None = None
     """Geom group of the fixed geoms that neither the lidar nor the bumper's sensors can hit."""

@@ -231,7 +231,7 @@ class GridPlanner:
 
 
 class _Grid:
-    """Graph of the grid cells in which a disc fits."""
+    """Graph of the map's cells in which the robot's disc fits, with shortest paths to goals, which are kept."""
 
     def __init__(self, known: OccupancyMap, fits: NDArray[np.bool_], costs: NDArray[np.float64]) -> None:
         rows, columns = np.nonzero(fits)

@@ -125,7 +125,7 @@ def _warn_if_off(field: str, said_m: float, found_m: float, what: str, where: st
 
 
 class _Actuators:
-    """Finds actuators by their own names or those of their joints."""
+    """Actuators of a robot's model, found by their own names or their joints' names; else `LaunchError` is raised."""
 
     def __init__(self, model: mujoco.MjModel, where: str) -> None:
         self.model, self.where = model, where

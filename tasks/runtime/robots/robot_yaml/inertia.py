@@ -44,7 +44,7 @@ MakeSpec = Callable[[ET.Element], mujoco.MjSpec]
 
 @dataclass(frozen=True)
 class Inertia:
-    """Mass and moments of inertia of a robot's link."""
+    """Mass (kg), moments of inertia (kg m², 3 × 3) and centre of mass (m) of a robot's link."""
 
     mass_kg: float
     moments: NDArray[np.float64]
@@ -70,7 +70,7 @@ class Inertia:
 
 @dataclass(frozen=True)
 class Problem:
-    """A robot's link with a physically impossible inertia."""
+    """A robot's link whose inertia is physically impossible: line, text, and the inertia to write instead."""
 
     link: Located
     line: int

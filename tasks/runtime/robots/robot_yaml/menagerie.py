@@ -24,7 +24,7 @@ _MB = 1e6
 
 @dataclass(frozen=True)
 class MenagerieFile:
-    """A file of a robot in MuJoCo Menagerie."""
+    """Path of a file of a robot in MuJoCo Menagerie, and the root below which all of the robot's files are."""
 
     path: Path
     root: Path

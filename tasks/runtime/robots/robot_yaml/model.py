@@ -124,7 +124,7 @@ _MAX_FOLLOW_SCALE = 1.6
 
 @dataclass(frozen=True)
 class RobotFiles:
-    """Files of a robot: its `robot.yaml` and its model."""
+    """Paths of a robot's files: its `robot.yaml`, its model, and the root outside which no file may be."""
 
     mapping: Path
     """Path of `robot.yaml`, or another name for messages."""
@@ -137,7 +137,7 @@ class RobotFiles:
 
 
 class ModelBuilder:
-    """Builds MuJoCo models of one robot from its files."""
+    """Builds MuJoCo models of one robot from its files; defects of these raise `LaunchError`."""
 
     def __init__(self, mapping: RobotModel, files: RobotFiles) -> None:
         self._mapping, self._files = mapping, files

@@ -19,7 +19,7 @@ _FILE = "file://"
 
 
 class _Place(NamedTuple):
-    """A folder in which a file is searched."""
+    """A folder in which a file that a robot's model names is searched, and the file's path below that folder."""
 
     folder: Path
     inside: str

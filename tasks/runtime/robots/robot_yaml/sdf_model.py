@@ -90,7 +90,7 @@ def _check_is_one(path: Path, world: SdfWorld) -> None:
 
 
 class _Writer:
-    """Builds a MuJoCo model from an SDF."""
+    """Builds the MuJoCo model of a robot from an SDF; what cannot be converted raises `LaunchError`."""
 
     def __init__(self, path: Path, world: SdfWorld, meshes: Meshes, reading: UrdfReading) -> None:
         self._path, self._meshes, self._reading = path, meshes, reading

@@ -31,7 +31,7 @@ _LINE = re.compile(r", line (\d+)")
 
 @dataclass
 class MeshUse:
-    """A mesh file with a scale, as a URDF uses it."""
+    """A mesh file with a scale, as a link of a URDF uses it: to collide or only to be seen."""
 
     name: str
     """Name of the mesh in the MuJoCo model."""
