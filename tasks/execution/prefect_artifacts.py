@@ -99,7 +99,7 @@ def _logged(what: str) -> Generator[None]:
 
 
 class _Bar:
-    """Forwards progress, and updates a Prefect progress artifact at most once a second."""
+    """Listener that passes progress on, and shows it in a Prefect progress artifact, once a second at most."""
 
     def __init__(self, description: str, listener: Callable[[Progress], None]) -> None:
         self._description = description

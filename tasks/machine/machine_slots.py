@@ -49,7 +49,7 @@ class Notices:
 
 
 class WaitTimes:
-    """Adds up how long jobs waited for each scarce resource, from samples several times a second."""
+    """Sum, in seconds, of the times that jobs waited for each scarce resource, from samples several times a second."""
 
     def __init__(self) -> None:
         self._total_s: dict[Scarce, float] = {}

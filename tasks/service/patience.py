@@ -145,7 +145,7 @@ class Patience:
 
 
 class _Waits:
-    """Reports once that a call waits for the store, and once that the store answers again."""
+    """Teller that says once that a call waits for the store, and once that the store answers again."""
 
     def __init__(self, patience: Patience) -> None:
         self._patience = patience

@@ -51,7 +51,7 @@ def lacks_outputs(about: Mapping[str, JsonValue]) -> bool:
 
 
 class LeftOut:
-    """Output files of a run that are not uploaded, with the reasons."""
+    """Output files of a run that are not uploaded, with the reasons; of very many, only the first are named."""
 
     def __init__(self) -> None:
         self.files = 0
@@ -93,7 +93,7 @@ class LeftOut:
 
 @dataclass
 class Room:
-    """Space that is left for a run's outputs in the object store: bytes and number of files."""
+    """Space that is left for a run's outputs in the object store, in bytes and files, and the files without space."""
 
     most_bytes: int
     most_files: int

@@ -129,7 +129,7 @@ _SETTINGS = ("ROBOMAKER_", "MENAGERIE_ROOT", "MENAGERIE_CACHE_DIR")
 
 @dataclass
 class Applications:
-    """The applications of a run, resolved to factories and programs."""
+    """Plan of a run's applications: factories, programs, forwarded ports, and the ROS launch and bridge, if any."""
 
     plans: dict[ApplicationRole, ApplicationPlan] = field(default_factory=dict)
     programs: list[ProgramPlan] = field(default_factory=list)

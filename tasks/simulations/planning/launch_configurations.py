@@ -46,7 +46,7 @@ class Code:
 
 @dataclass(frozen=True)
 class Factory:
-    """An application that is a factory function, called in the simulation's process."""
+    """An application that is a factory function (dotted path), called in the simulation's process."""
 
     attribute: str
     """Dotted path of the function: `my_nav.arena.make_environment`."""

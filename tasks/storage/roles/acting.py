@@ -74,7 +74,7 @@ def _no_blocks(slug: str, name: str) -> None:
 
 @dataclass
 class _Opened:
-    """Stores and sessions opened for roles, by ARN; shared by all threads of a process."""
+    """Cache of the stores and sessions that were opened for roles, by ARN; shared by all threads of a process."""
 
     lock: threading.Lock = field(default_factory=threading.Lock)
     stores: dict[str, ObjectStore] = field(default_factory=dict[str, ObjectStore])
