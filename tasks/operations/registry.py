@@ -47,7 +47,7 @@ class Operation:
     shape: OperationShape
     handler: Handler
     run_job: JobRunner | None = None
-    """For job operations: runs the stored job of an ARN to its end; `None` for all others."""
+    """Function of a job operation that runs the stored job of an ARN to its end; `None` for other operations."""
 
     @property
     def name(self) -> str:

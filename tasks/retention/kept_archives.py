@@ -12,7 +12,7 @@ from ..storage import ObjectInfo
 from .inventory import texts_of_jobs
 
 _LEAST = timedelta(days=1)
-"""Archives younger than this stay: a job that is being prepared has kept its archive, and does not name it yet."""
+"""Least age of deleted archives: a job that is being prepared has kept its archive, and does not name it yet."""
 
 
 def collect_archives(older_than: timedelta | None, besides: Set[str], service: Service, *, act: bool) -> list[GcItem]:

@@ -37,7 +37,7 @@ _WORDS: Mapping[str, str] = {WORLD: "worlds", JOB: "simulation jobs"}
 _MOST = 12
 """Largest number of candidates that are looked for: a message names five of them."""
 _LOOKED_AT = 200
-"""Newest resources whose names are compared with one that nothing has."""
+"""Number of newest resources whose names are compared with a text that no label fits."""
 _LATEST = "latest"
 
 

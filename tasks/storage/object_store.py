@@ -84,7 +84,7 @@ class ObjectInfo:
     etag: str
     """ETag of an object, without quotes; it changes whenever the content changes."""
     modified_at: datetime | None = field(default=None, compare=False)
-    """Time at which it was stored; `None`: not known, as of a new object. It is ignored when objects are compared."""
+    """Time at which the object was stored; `None`: not known, as of a new object. Comparisons of objects ignore it."""
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ Result = TypeVar("Result")
 _logger = logging.getLogger(__name__)
 
 _MOST_REFUSALS = 3
-"""After so many failures in a row, each of which was none of being away, waiting would be of no use."""
+"""Number of calls in a row that a catalog which answers may refuse, before waiting is given up."""
 
 
 class CatalogWait:

@@ -13,7 +13,7 @@ from .job_leases import Lease
 
 MAX_LOST_WORKERS = 3
 _MOST_OF_BATCHES = 10
-"""The limit for a batch is higher: the job at fault in it reaches its own limit first."""
+"""Number of job workers that may die while they run a batch: more than for a job, as the job at fault ends first."""
 
 _CODE = "InternalServiceError"
 _EVENTS = ("terminate", "fail", "canceled")

@@ -265,7 +265,7 @@ class TimeStep(NamedTuple):
     step: int
     """Number of the observation, from 0; gaps show how many this program missed."""
     time_s: float
-    """Simulated time; NaN when the environment has no clock."""
+    """Simulated time in seconds; NaN when the environment has no clock."""
 
     def first(self) -> bool:
         """Whether this is the first time step of the run."""

@@ -144,7 +144,7 @@ class Episode:
     """Simulated time at the end, in seconds."""
 
     wall_time_s: float
-    """Wall-clock time from the first reset to the last step."""
+    """Wall-clock time from the first reset to the last step, in seconds."""
 
     judges: bool = False
     """Whether the environment has a report method; a missing verdict is then no verdict "NONE"."""

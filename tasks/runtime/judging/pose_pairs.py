@@ -23,7 +23,7 @@ class StampedPose(NamedTuple):
     """A planar pose (m, m, rad) with the time at which it was received and the time on its stamp, in seconds."""
 
     time_s: float
-    """Time of the message in seconds since the run began."""
+    """Time at which the pose's message was received, in seconds since the run began."""
     stamp_s: float
     pose: PlanarPose
 

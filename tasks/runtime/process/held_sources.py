@@ -28,7 +28,7 @@ MARK_VARIABLE = "ROBOMAKER_HELD_MARK"
 """Environment variable with the path of a file, to which each process adds what it holds and what it uses."""
 
 _BEGIN_NS = 946_684_800 * 10**9
-"""The year 2000."""
+"""Beginning of the held clock in nanoseconds since 1970: the year 2000."""
 _LOOK_NS = 100_000
 """Nanoseconds from one look at the held clock to the next: a budget of milliseconds ends after tens of looks."""
 _BEHIND_NS = 5 * 10**9
@@ -36,7 +36,7 @@ _BEHIND_NS = 5 * 10**9
 _TURN_S = 1.0
 """Seconds that a thread keeps the interpreter, instead of 5 ms; few compute longer without waiting for something."""
 _CLIENT = os.sep + "agent_client.py"
-"""The client of this package, which looks at the clock to end waiting."""
+"""End of the path of this package's robot client, which looks at the clock to end waiting."""
 _DRAWS = (
     *("random", "uniform", "gauss", "normalvariate", "choice", "choices", "shuffle", "sample", "randint", "randrange"),
     *("getrandbits", "triangular", "betavariate", "expovariate", "lognormvariate"),

@@ -243,7 +243,7 @@ class RecordedTopic(NamedTuple):
     """Hash of the type, `RIHS01_…`."""
 
     messages: int
-    """Number of messages."""
+    """Number of the topic's messages in the recording."""
 
     offer: Offer | None = None
     """Quality of service (QoS) of the recorded topic; `None`: that of the simulation's topic of this name."""

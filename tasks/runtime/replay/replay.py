@@ -28,7 +28,7 @@ class RunOutputs:
 
     provenance: Provenance
     timeline: StateTimeline | None
-    """Absent when the run had no states: neither physics, nor an environment that gives them."""
+    """Hashes of the run's states; absent if it had none: neither physics, nor an environment that gives them."""
 
     result: RunResult | None
     """Result of the run; absent if the run failed."""

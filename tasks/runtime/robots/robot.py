@@ -45,7 +45,7 @@ class Lidar:
     """Settings of a horizontal lidar on a robot: height, rays, rate, range in metres, and noise."""
 
     height_m: float
-    """Height over the floor, in metres."""
+    """Height of the lidar over the floor, in metres."""
 
     rate_hz: float = 5.0
     """Scans per second; the time between scans is a whole number of control steps."""
@@ -128,7 +128,7 @@ class Robot:
     """A robot model that can be placed in a world: body, drive, sensors and limits."""
 
     name: str
-    """Short name; `<name>/` is the prefix of the names of its parts in a compiled world."""
+    """Short name of the robot; `<name>/` is the prefix of the names of its parts in a compiled world."""
 
     build: Callable[[], mujoco.MjSpec]
     """Function that makes a new MjSpec of the robot at every call."""

@@ -16,7 +16,7 @@ from .sensors.imu import Imu
 from .sensors.kind import Sensor
 
 RADIUS_M = 0.17
-"""Radius of the body seen from above, in metres; nothing sticks out of it."""
+"""Radius of Scout's body seen from above, in metres; nothing sticks out of it."""
 
 WHEEL_RADIUS_M = 0.04
 TRACK_WIDTH_M = 0.22

@@ -37,7 +37,7 @@ class Announced(NamedTuple):
     """DDS type name, such as `sensor_msgs::msg::dds_::LaserScan_`."""
 
     type_hash: str
-    """Type hash `RIHS01_…`; empty if it announces none."""
+    """Type hash `RIHS01_…`; empty if the publisher announces none."""
 
     is_latched: bool
     is_reliable: bool

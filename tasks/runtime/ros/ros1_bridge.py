@@ -35,7 +35,7 @@ SOCKET_VARIABLE = "ROBOMAKER_ROS1_SOCKET"
 """Name of the environment variable with the path of the simulation's socket for the bridge."""
 
 BRIDGE = Path(__file__)
-"""Path of the program."""
+"""Path of the ROS 1 bridge's program."""
 
 PROTOCOL = "robomaker-ros1"
 VERSION = 1

@@ -38,7 +38,7 @@ _MAGIC = b"robomaker digest 1\n"
 _BLOCK = struct.Struct("<IIII")
 _BLOCK_STATES = 30
 _BLOCK_LINKS = 3000
-"""Links of given states in a block, 48 kB; with physics kept states end blocks."""
+"""Number of links in a block of a run without physics (48 kB); with physics, stored states end blocks."""
 _LINK_BYTES = 8
 _CHAIN_BYTES = 32
 _COMPRESSION_LEVEL = 3

@@ -31,8 +31,9 @@ CHUNK_FRAMES = 64
 
 MAGIC = b"RMSL"
 CHUNK = struct.Struct("<4s6I")
-"""Header of a chunk: magic, number of the model, `nq`, `nmocap`, frames, length of the compressed columns, CRC-32 of
-all but the magic.
+"""Header of a chunk of the state log.
+
+Magic, number of the model, `nq`, `nmocap`, frames, length of the compressed columns, CRC-32 of all but the magic.
 """
 TAIL = struct.Struct("<4s5IQ")
 """Header of the tail file: magic, number of the model, `nq`, `nmocap`, number of valid frames, reserved, number of

@@ -11,7 +11,7 @@ Part = tuple[int, str]
 """Index of a part among those of its axis, and its description."""
 
 MAX_LOOKED_AT = 200
-"""Trials of an axis that others are compared with: an axis that changes nothing in so many is told well enough."""
+"""Number of trials that others are compared with: an axis that changes nothing in so many is told well enough."""
 
 
 class AxisParts:

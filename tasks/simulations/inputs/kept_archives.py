@@ -15,7 +15,7 @@ from ...service.service import Service
 from ...storage import ObjectInfo
 
 FOLDER = "kept-archives"
-"""Beginning of their keys in the service's bucket."""
+"""Beginning of the keys of kept archives in the service's bucket."""
 
 _logger = logging.getLogger(__name__)
 

@@ -75,7 +75,7 @@ class Problem:
     link: Located
     line: int
     text: str
-    """Text with the values and the error."""
+    """Values of the impossible inertia and the error, as text."""
 
     source: str
     """Source of the suggested inertia, as text."""
