@@ -471,7 +471,7 @@ def connect(
     real_time_factor: float = 1.0,
     connect_timeout_s: float = 30.0,
 ) -> Simulation:
-    """Connects a robot program to its simulation.
+    """Connects a robot program to its simulation, and returns the connection once both have greeted.
 
     Args:
         path: Path of the simulation's Unix socket; default: the environment variable `ROBOMAKER_AGENT_SOCKET`.

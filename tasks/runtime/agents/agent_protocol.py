@@ -93,7 +93,7 @@ class ObservationWriter:
 
 
 def read_action(layout: Layout, payload: memoryview, expected: range) -> Any:
-    """Decodes the robot's action from a message's content.
+    """Decodes the robot's action from a message's content, and returns it in the form of the action spec.
 
     Args:
         layout: Layout of the action's arrays.
@@ -132,7 +132,7 @@ def _value(field: ArrayField, data: bytearray) -> Any:
 
 
 def read_hello(payload: memoryview) -> RobotHello:
-    """Decodes a robot program's first message.
+    """Decodes and returns a robot program's first message, its greeting.
 
     Raises:
         ProtocolError: The message is malformed or of another protocol version; the text says what would be right.
@@ -148,7 +148,7 @@ def read_hello(payload: memoryview) -> RobotHello:
 
 
 def read_words(payload: memoryview) -> dict[str, Any]:
-    """Decodes a message that is a JSON object.
+    """Decodes a message that is a JSON object, and returns the object.
 
     Raises:
         ProtocolError: The message is not a JSON object.

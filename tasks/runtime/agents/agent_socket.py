@@ -227,7 +227,7 @@ class AgentLink:
             self._check(deadline_s)
 
     def receive(self, timeout_s: float) -> Message:
-        """Waits for a message from the robot program; the returned content is valid until the next call.
+        """Waits for a message from the robot program, and returns it; its content is valid until the next call.
 
         Raises:
             TimeoutError: No complete message arrived in time.

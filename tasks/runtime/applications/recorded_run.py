@@ -116,7 +116,7 @@ class RecordedRun(dm_env.Environment):
                 yield time_s, message
 
     def reset(self) -> dm_env.TimeStep:
-        """Goes to the beginning of the recorded run.
+        """Goes to the beginning of the recorded run, and returns the first time step.
 
         Raises:
             RecordingFault: The recording is damaged, or ends before the run begins.

@@ -135,7 +135,7 @@ class ModelRig:
 
     @property
     def lidar(self) -> LidarErrors:
-        """Noise, bias, dropout and latency of the robot's lidar.
+        """Changeable noise, bias, dropout and latency of the robot's lidar.
 
         Raises:
             AxisError: The environment has no lidar whose readings axes could change.
@@ -144,7 +144,7 @@ class ModelRig:
 
     @property
     def commands(self) -> CommandDelay:
-        """Delay between the agent's commands and the robot's motors.
+        """Changeable delay between the agent's commands and the robot's motors.
 
         Raises:
             AxisError: The environment cannot delay commands.
@@ -153,7 +153,7 @@ class ModelRig:
 
     @property
     def command_gains(self) -> CommandGains:
-        """Factors by which the agent's commands to the robot are multiplied.
+        """Changeable factors by which the agent's commands to the robot are multiplied.
 
         Raises:
             AxisError: The environment cannot scale commands.
@@ -162,7 +162,7 @@ class ModelRig:
 
     @property
     def wheels(self) -> WheelSlip:
-        """Slip of the robot's wheels.
+        """Changeable slip of the robot's wheels.
 
         Raises:
             AxisError: The robot has no wheels on two sides, or the environment cannot let them slip.
@@ -171,7 +171,7 @@ class ModelRig:
 
     @property
     def odometry(self) -> OdometryErrors:
-        """Errors of the pose that the robot is told.
+        """Changeable errors of the pose that the robot is told.
 
         Raises:
             AxisError: The environment tells no pose that could drift.
@@ -210,7 +210,7 @@ class ModelRig:
         return fields | {name: copy(vars(part)) for name, part in self._parts.items()}
 
     def lost(self, changes: dict[str, Any]) -> str:
-        """Names values set by axes that are no longer in effect; empty if all are.
+        """Returns the reason why a value set by an axis is no longer in effect, as text; empty if all are in effect.
 
         Args:
             changes: Values to compare with, from `changes`.

@@ -65,7 +65,7 @@ def load_factory(attribute: str, path: Path | None = None) -> Callable[..., Any]
 
 
 def load_judging_function(plan: RunPlan, rule: Rule[Any], attribute: str) -> Callable[..., Any]:
-    """Imports a predicate function of a requirement, from an application's bundle or an installed package.
+    """Imports and returns a predicate function of a requirement, from an application's bundle or an installed package.
 
     Args:
         plan: Plan of the run, with its applications.

@@ -68,7 +68,7 @@ _ACTIVITIES = {
 
 
 def unanswered(phase: Phase, steps: int, time_s: float) -> str:
-    """Describes which program did not answer when a run was stopped at its time limit.
+    """Returns text that says which program did not answer when a run was stopped at its time limit.
 
     An example: `stopped at the duration limit: the robot application did not answer in step 3, at 0.02 s simulated`.
 

@@ -159,7 +159,7 @@ class Episode:
 
 
 def read_report(environment: object) -> EnvironmentReport:
-    """Gets and checks an environment's report.
+    """Asks an environment for its report on the run, checks it, and returns it.
 
     Raises:
         ValueError: The report does not fit `EnvironmentReport`, or JSON; the text names what.
@@ -343,7 +343,7 @@ def never_answered(text: str) -> Requirement:
 
 
 def write_result(result: RunResult, output_dir: Path) -> Path:
-    """Writes `result.json`, atomically.
+    """Writes a run's `result.json` into its output folder, atomically, and returns the file's path.
 
     Raises:
         TypeError: `extra` holds something that is no JSON value.

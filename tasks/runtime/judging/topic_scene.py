@@ -311,7 +311,9 @@ class Measurements:
         return self._contacts.reader(rule, listed_names(self._bag, world, self.sources.robot or ""))
 
     def clearance(self, rule: Rule[Any]) -> Callable[[float], tuple[float, str] | None]:
-        """Makes a function that returns the distance to obstacles, measured by the lidar.
+        """Returns a function that measures the distance to obstacles in metres, from the lidar's scans, for a rule.
+
+        The function returns `None` if nothing is as near as it is asked about.
 
         Raises:
             NotMeasuredError: The recording has no scan, the robot's radius is unknown, or the rule names objects.
@@ -556,7 +558,7 @@ class TopicScene:
         return self._measurements.clearance(rule)
 
     def function(self, rule: Rule[Any], attribute: str) -> Callable[..., Any]:
-        """Imports a predicate function of an installed package or of the job's applications.
+        """Imports and returns a predicate function of an installed package or of the job's applications.
 
         Raises:
             NotMeasuredError: Functions are not called here.

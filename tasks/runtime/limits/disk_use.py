@@ -173,7 +173,7 @@ def disk_meter(plan: RunPlan, processes: Callable[[], Iterable[int]] = tuple) ->
 
 
 def found_files(plan: RunPlan) -> FoundFiles:
-    """Records which files exist in a run's folders before anything runs, so that they do not count as outputs.
+    """Returns the size of the files that a run's folders have before anything runs, so that these are no outputs.
 
     Args:
         plan: Plan of the run.

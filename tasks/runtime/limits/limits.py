@@ -176,7 +176,7 @@ class _Scales:
 
 
 def estimated_bytes(states: list[ProcessState], exact: list[int]) -> dict[int, int]:
-    """Estimates the memory of processes in bytes when only some of them have been measured exactly.
+    """Returns the memory of processes in bytes, by process id, estimated where it was not measured exactly.
 
     The process that is being measured may never be finished, and counts with its maximum. The others are assumed to
     share as much memory as those before them: of hundreds of forks of one process, each has its resident memory, but

@@ -95,7 +95,7 @@ def single_action(spec: Any, policy: str) -> specs.Array:
 
 
 def checked_action(action: Any, spec: specs.Array, giver: str) -> NDArray[Any]:
-    """Checks a policy's action, and converts it to the environment's type.
+    """Checks a policy's action, converts it to the environment's type, and returns it.
 
     Args:
         action: The action.

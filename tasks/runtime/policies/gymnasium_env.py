@@ -109,7 +109,7 @@ class RobotEnv(gymnasium.Env[Any, NDArray[Any]]):
         return self._arrays.read(timestep.observation), {}
 
     def step(self, action: NDArray[Any]) -> tuple[Observed, float, bool, bool, dict[str, Any]]:
-        """Does one control step.
+        """Does one control step; returns observation, reward, whether the episode ended or was cut short, and facts.
 
         Raises:
             RobotProgramError: The action does not fit the environment's action spec, or is not finite.

@@ -204,7 +204,7 @@ def attempt(run: RunRequest, progress: Progress, stop: Stop) -> None:
 
 
 def recording_findings(episode: Episode, recorder: Recorder) -> Findings:
-    """Adds a remark to the result if an environment records topics itself but has recorded none.
+    """Returns findings with a remark if an environment records topics itself but has recorded none; else empty ones.
 
     Args:
         episode: Outcome of the simulation loop.
@@ -274,7 +274,7 @@ def applications_of(plan: RunPlan) -> tuple[ApplicationPlan, ApplicationPlan]:
 
 
 def factory_of(application: ApplicationPlan) -> Callable[..., Any]:
-    """Imports the factory function of an application that is no separate program.
+    """Imports and returns the factory function of an application that is no separate program.
 
     Raises:
         LoadError: The function cannot be imported.

@@ -36,7 +36,7 @@ class _NeverStopped:
 
 
 def judge(request: JudgingRequest) -> RunResult:
-    """Judges the recording of a run by its requirements.
+    """Judges the recording of a run by its requirements, and returns the result.
 
     Args:
         request: Recording and requirements.

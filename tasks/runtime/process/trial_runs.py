@@ -288,7 +288,7 @@ def run_trials(run: RunRequest, progress: Progress, stop: Stop) -> None:
 
 
 def _in_its_environment(run: RunRequest, trial: Trial, play: Callable[[], _Row]) -> _Row:
-    """Calls a function with a trial's environment variables, and with the generators of Python and NumPy seeded.
+    """Calls a function with a trial's environment variables and with seeded generators, and returns its result.
 
     Environment variables and working directory are restored first, in case the trial before has changed them.
     """

@@ -80,7 +80,7 @@ def _is_text(value: object) -> bool:
 def find_mount(
     model: mujoco.MjModel, view: mujoco.MjvCamera, scene: mujoco.MjvScene, frames: Mapping[int, str]
 ) -> Mount:
-    """Determines the ROS frame that a camera is fixed to, and its pose there.
+    """Returns the ROS frame that a camera is fixed to, and the camera's pose there.
 
     The frame is that of the body that carries the camera, or of a body to which that one is rigidly fixed; else it is
     the world.

@@ -22,7 +22,7 @@ _STORE = get_typestore(Stores.ROS2_HUMBLE)
 
 
 def encode(message: Message) -> bytes:
-    """Encodes a ROS message as CDR bytes with their encapsulation header.
+    """Returns a ROS message as CDR bytes with their encapsulation header.
 
     Raises:
         TypeError: The object is not one of the messages that can be recorded, or has parts that are not ROS's.
@@ -63,7 +63,7 @@ def fields_of(ros_type: str) -> Sequence[tuple[str, tuple[Any, Any]]]:
 
 
 def decode(data: bytes, ros_type: str) -> Any:
-    """Decodes a ROS message from CDR bytes.
+    """Returns the ROS message that CDR bytes hold.
 
     Raises:
         ValueError: The bytes are no such message.
@@ -374,7 +374,7 @@ class RowEncoder:
             self._single.append(_Single(item))
 
     def encode(self, times_s: Numbers, values: Sequence[Sequence[AnyNumbers]]) -> Rows:
-        """Encodes rows of numbers to messages; the result is valid until the next call.
+        """Returns the messages of rows of numbers, encoded; they are valid until the next call.
 
         Args:
             times_s: Simulated times of the rows, not negative.
@@ -399,7 +399,7 @@ class RowEncoder:
     def encode_one(
         self, time_s: float, values: Sequence[Sequence[Sequence[float]]], wanted: Iterable[int]
     ) -> list[bytes]:
-        """Encodes the messages of a single time; the bytes are the same as in a row.
+        """Returns the encoded messages of a single time; the bytes are the same as in a row.
 
         Args:
             time_s: Simulated time, not negative.

@@ -255,7 +255,7 @@ def first_difference(one: RunOutputs, other: RunOutputs) -> Divergence | None:
 def compare_timelines(
     one: StateTimeline, other: StateTimeline, names: JointNames, *, whole: bool = True
 ) -> Divergence | None:
-    """Finds the first difference between the state histories of two runs of one model.
+    """Returns the first difference between the state histories of two runs of one model; `None` if there is none.
 
     Args:
         one: States of the run.

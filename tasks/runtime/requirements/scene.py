@@ -148,7 +148,7 @@ class Scene:
         return ClearanceMeter(model, self.data, part, self._obstacles(rule, own), self.names).measure
 
     def function(self, rule: Rule[Any], attribute: str) -> Callable[..., Any]:
-        """Imports a predicate function from the application's bundle or an installed package.
+        """Imports and returns a predicate function from the application's bundle or an installed package.
 
         Raises:
             RequirementError: The function does not exist.

@@ -150,7 +150,7 @@ class Listener:
         return subscription
 
     def call(self, service: str, ros_type: str, request: bytes) -> Call:
-        """Starts to call a ROS 2 service of a node.
+        """Starts to call a ROS 2 service of a node, and returns the call, which is asked for its replies.
 
         Args:
             service: Service name without a leading slash, such as `robot/get_type_description`.

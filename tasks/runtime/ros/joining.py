@@ -190,7 +190,9 @@ class Target:
 
 
 def join(folder: Path, names: Sequence[str]) -> dict[str, Any]:
-    """Merges the recordings of a run (its own and those of ROS topics) into one file.
+    """Merges the recordings of a run (its own and those of ROS topics) into its own file, and deletes the others.
+
+    Returns the number of messages added, and the names of files that are cut off.
 
     Args:
         folder: Output folder of a run whose processes have all ended.

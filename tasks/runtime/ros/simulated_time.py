@@ -32,6 +32,8 @@ class Timing(Protocol):
     def next_command(self, time_s: float, *, scanned: bool) -> Command | None:
         """Waits as the strategy demands, and returns the newest velocity command since the last call.
 
+        `None` if there is none.
+
         Args:
             time_s: Simulated time of the step.
             scanned: Whether a scan was published with the step.

@@ -171,7 +171,7 @@ def write_whole(path: Path, *parts: bytes) -> None:
 
 
 def take_lock(path: Path) -> int:
-    """Takes a file lock until the descriptor is closed, or this process ends.
+    """Takes a file lock until the returned descriptor is closed, or this process ends.
 
     Raises:
         RunTakenError: Another process holds the lock.

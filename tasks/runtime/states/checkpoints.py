@@ -60,7 +60,7 @@ class KeptPhysics:
         return self._name, whole[len(self._common) :]
 
     def read(self, name: str, rest: bytes) -> mujoco.MjData:
-        """Restores the MuJoCo data that `kept` serialised.
+        """Restores and returns the MuJoCo data that `kept` serialised.
 
         Raises:
             CheckpointError: The file with the model is missing or incomplete.

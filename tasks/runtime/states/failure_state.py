@@ -91,7 +91,7 @@ class FailureRecorder(Observer):
         return Findings(extra={"mujoco_warnings": found}, metrics={"mujoco_warnings": float(sum(found.values()))})
 
     def explain(self) -> str:
-        """Names the joints whose numbers became non-finite; empty if MuJoCo reported no joint.
+        """Returns text that names the joints whose numbers became non-finite; empty if MuJoCo reported no joint.
 
         MuJoCo's own message has the index of a degree of freedom, which is hard to understand.
         """

@@ -171,7 +171,7 @@ class _Supervisors:
         os.close(supervisor.pidfd)
 
     def _fork(self, of_run: int | None = None) -> "_StandBy":
-        """Forks a supervisor process, which waits for a run to supervise.
+        """Forks a supervisor process, which waits for a run to supervise, and returns the access to it.
 
         Args:
             of_run: File descriptor of the run's connection, which the child closes because it gets the connection by

@@ -171,7 +171,7 @@ def plan_box(
     warn: Callable[[str], None] = _warn_once,
     endpoint: str | None = None,
 ) -> BoxPlan:
-    """Decides how a run's processes are sandboxed.
+    """Decides how a run's processes are sandboxed, and returns the plan of that.
 
     Args:
         settings: Settings of the service.

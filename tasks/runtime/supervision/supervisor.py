@@ -33,7 +33,7 @@ from .process_supervision import Supervision
 
 
 def stand_by(control: socket.socket, run_child: RunChild, rehearse: Rehearse, level: BoxLevel = "none") -> None:
-    """Waits for a run's request, then supervises the run; main function of a supervisor process.
+    """Waits for a run's request, then supervises the run; main function of a supervisor process, which ends with it.
 
     Args:
         control: Socket with one message that carries the connection to the run's launcher; closed, if no run will come.

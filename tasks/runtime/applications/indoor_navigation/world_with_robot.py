@@ -92,7 +92,7 @@ class ScenePhysics(Physics):
 
 
 def assemble(world_xml: Path, robot: Robot = SCOUT) -> ScenePhysics:
-    """Loads a world's MJCF, places a robot at its origin, and compiles both.
+    """Loads a world's MJCF, places a robot at its origin, compiles both, and returns their physics.
 
     Args:
         world_xml: Path of the world's MJCF; its physics options are used for both.

@@ -50,7 +50,9 @@ def make_drive(mapping: RobotModel, limits: Limits, model: mujoco.MjModel, data:
 
 
 def planar_joints(mapping: RobotModel, model: mujoco.MjModel, where: str) -> tuple[str, str, str] | None:
-    """Returns the slide and hinge joints that move a robot's base over the floor.
+    """Returns the slide and hinge joints that move a robot's base over the floor along the world's axes.
+
+    Returns `None` if the drive moves it otherwise.
 
     Raises:
         LaunchError: The joints are not two slides and a hinge along the axes.

@@ -142,7 +142,7 @@ def _mass_kg(link: Located) -> float:
 
 
 def told(problems: list[Problem], path: object) -> str:
-    """Describes impossible inertias of links, with the URDF's lines, in one text; of many, only the first.
+    """Returns text about impossible inertias of links, with the URDF's lines; of many, only the first are named.
 
     Args:
         problems: Links with impossible inertias.

@@ -47,7 +47,7 @@ _STEP = re.compile(r"\w+")
 
 
 def placed(error: LaunchError, path: Path) -> LaunchError:
-    """Adds line and column to an error about a member of `robot.yaml`.
+    """Returns an error about a member of `robot.yaml` with the member's line and column added.
 
     Args:
         error: Error whose message begins with the file's name and the member, as `invalid` writes it; other errors are

@@ -27,7 +27,7 @@ _File = tuple[str, Path]
 
 
 def load_model(path: Path, root: Path, reading: UrdfReading | None = None) -> mujoco.MjSpec:
-    """Loads a robot's MJCF, URDF or SDF model file.
+    """Loads a robot's MJCF, URDF or SDF model file, and returns its specification, which is not compiled yet.
 
     Args:
         path: Path of the MJCF, URDF or SDF file.
@@ -176,7 +176,7 @@ class ModelBuilder:
         return spec
 
     def compile(self) -> mujoco.MjModel:
-        """Compiles the robot without a world; unusable visual meshes are left out.
+        """Compiles and returns the robot's model without a world; unusable visual meshes are left out.
 
         Raises:
             LaunchError: A file or a name is wrong, or MuJoCo cannot compile it.

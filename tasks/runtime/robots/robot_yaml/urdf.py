@@ -219,7 +219,7 @@ def _xacro_in(robot: Located, prefixes: tuple[str, ...]) -> Iterator[tuple[Locat
 
 
 def _name_meshes(robot: Located, path: Path, root: Path, reading: UrdfReading) -> Iterator[MeshUse]:
-    """Gives each mesh file at each scale a name of its own, and removes visual meshes that are left out.
+    """Gives each mesh file at each scale its own name, removes visual meshes that are left out, and yields the rest.
 
     MuJoCo's importer names meshes after their files without the folders, so that `visual/base.stl` and
     `collision/base.stl` would be the same mesh.
