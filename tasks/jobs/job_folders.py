@@ -237,7 +237,7 @@ def find_kept(service: Service, job: str | None = None) -> list[KeptOutputs]:
 
 
 def store_kept(kept: KeptOutputs, service: Service) -> StoredPlace:
-    """Uploads outputs whose upload had failed, records their place in the job, and deletes the local copy.
+    """Uploads outputs whose upload had failed, records their place in the job and returns it, deletes the local copy.
 
     What an earlier attempt stored of them is not stored again.
 

@@ -26,7 +26,7 @@ END_EVENTS: Mapping[OutcomeStatus, str] = {"Completed": "complete", "Failed": "f
 
 
 def outcome_of(run: RunOutcome, stopped_because: StopReason | None) -> Outcome:
-    """Determines the outcome of a simulation job from its run's end.
+    """Returns the outcome of a simulation job, decided from its run's end.
 
     Args:
         run: Outcome of the run.
