@@ -83,7 +83,7 @@ class DirectoryStore:
             raise StorageAccessDeniedError(f"cannot write {bucket}/{key}: this user may not write to its folder")
 
     def put_file(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo:
-        """Copies a file into the store.
+        """Copies a file into the store as an object, and returns the object's metadata.
 
         Raises:
             TransferStoppedError: `stopped` said so, and the object is as it was before.
@@ -132,7 +132,7 @@ class DirectoryStore:
         return put_each(self, bucket, files, stopped, tell)
 
     def put_bytes(self, bucket: str, key: str, data: bytes, *, create_only: bool = False) -> ObjectInfo:
-        """Writes bytes as an object.
+        """Writes bytes as an object, and returns its metadata; an existing one is replaced unless `create_only` is set.
 
         Raises:
             ObjectExistsError: `create_only` and something is there.
@@ -255,7 +255,7 @@ class DirectoryStore:
     def _written(
         self, bucket: str, key: str, source: int | bytes, stopped: Stopped = never
     ) -> Generator[tuple[Path, ObjectInfo]]:
-        """Writes a source to a temporary file, which is complete inside the `with` block and deleted at its end.
+        """Yields a temporary file with a source's content, complete inside the `with` block and deleted at its end.
 
         The source is the descriptor of a file, whose holes stay holes, or the content itself.
         """

@@ -118,7 +118,7 @@ class ObjectStore(Protocol):
         ...
 
     def put_file(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo:
-        """Uploads a file; checksums are verified.
+        """Uploads a file as an object, and returns the object's metadata; checksums are verified.
 
         Raises:
             TransferStoppedError: `stopped` said so, and the object is as it was before.
@@ -160,7 +160,7 @@ class ObjectStore(Protocol):
         ...
 
     def put_bytes(self, bucket: str, key: str, data: bytes, *, create_only: bool = False) -> ObjectInfo:
-        """Writes bytes as an object.
+        """Writes bytes as an object, and returns its metadata; an existing one is replaced unless `create_only` is set.
 
         Raises:
             ObjectExistsError: `create_only` and something is there.
@@ -245,7 +245,7 @@ class StoreOver:
     def do(
         self, access: Literal["read", "write"], bucket: str, keys: Iterable[str], call: Callable[[], Result]
     ) -> Result:
-        """Calls the wrapped store, possibly changed or refused.
+        """Calls the wrapped store and returns the result; subclasses change, repeat or refuse the call here.
 
         Args:
             access: `read` or `write`.

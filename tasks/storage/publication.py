@@ -131,7 +131,7 @@ def _put(store: ObjectStore, bucket: str, files: dict[str, Path], ended: Stopped
 def split_stored(
     store: ObjectStore, bucket: str, files: Mapping[str, Path], stopped: Stopped = never
 ) -> tuple[dict[str, ObjectInfo], dict[str, Path]]:
-    """Splits files into those already stored with the same content, and those still to upload.
+    """Returns which of some files are stored already with the same content, and which are still to upload.
 
     Args:
         store: The object store.
@@ -181,7 +181,7 @@ def read_manifest(store: ObjectStore, bucket: str, prefix: str) -> Manifest:
 
 
 def fetch(store: ObjectStore, bucket: str, prefix: str, folder: Path) -> Manifest:
-    """Downloads the files in a manifest to a folder.
+    """Downloads the files in a manifest to a folder, and returns the manifest.
 
     Args:
         store: The object store.

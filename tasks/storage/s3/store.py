@@ -190,7 +190,7 @@ class S3Store:
             self._client.abort_multipart_upload(Bucket=bucket, Key=key, UploadId=upload)
 
     def put_file(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo:
-        """Uploads a file.
+        """Uploads a file as an object, and returns the object's metadata; checksums are verified.
 
         Raises:
             TransferStoppedError: `stopped` said so, and the object is as it was before.
@@ -247,7 +247,7 @@ class S3Store:
         return put_each(self, bucket, files, stopped, tell, WORKERS_FOR_SMALL)
 
     def put_bytes(self, bucket: str, key: str, data: bytes, *, create_only: bool = False) -> ObjectInfo:
-        """Writes bytes as an object.
+        """Writes bytes as an object, and returns its metadata; an existing one is replaced unless `create_only` is set.
 
         Raises:
             ObjectExistsError: `create_only` and something is there; after a broken connection it can
