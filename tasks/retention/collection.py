@@ -57,7 +57,7 @@ class _Chosen:
 
 
 def plan_collection(policy: RetentionPolicy, service: Service) -> GcReport:
-    """Reports what `robomaker gc` would delete under a policy, and deletes nothing.
+    """Returns a report of what `robomaker gc` would delete under a policy; deletes nothing.
 
     Raises:
         ConfigurationError: The policy would remove everything.
@@ -66,7 +66,7 @@ def plan_collection(policy: RetentionPolicy, service: Service) -> GcReport:
 
 
 def collect(policy: RetentionPolicy, service: Service) -> GcReport:
-    """Deletes runs, jobs and worlds that no rule of the policy keeps; errors are in the report.
+    """Deletes runs, jobs and worlds that no rule of the policy keeps, and returns a report, which has the errors.
 
     Raises:
         ConfigurationError: The policy would remove everything, or another collection is going on.

@@ -118,7 +118,7 @@ def takers_over(service: Service, besides: Set[str]) -> dict[str, str]:
 
 
 def with_jobs_of(orders: Mapping[str, str], service: Service) -> dict[str, str]:
-    """Adds the jobs of batches to a mapping of protected jobs and batches.
+    """Returns a mapping of protected jobs and batches with the jobs of these batches added.
 
     Args:
         orders: Text that says what needs an order, by the order's ARN.
