@@ -160,7 +160,9 @@ _registry: dict[str, Operation] = {}
 
 
 def operation(name: str, *, perform: JobRunner | None = None) -> Callable[[Handler], Handler]:
-    """Decorator that registers a function as the handler of a service operation.
+    """Returns a decorator that registers a function as the handler of a service operation.
+
+    The decorator raises `ValueError` if a job operation has nothing to perform, or another has.
 
     Args:
         name: The operation's name, a key of `OPERATIONS`.
