@@ -52,7 +52,7 @@ class Patience:
     """Clock that only runs forward, in seconds."""
 
     def ask(self, call: Callable[[], Result], probe: Callable[[], None]) -> Result:
-        """Calls a function until the object store answers, or waiting is over.
+        """Calls a function until the object store answers, and returns its result; gives up when waiting is over.
 
         Args:
             call: The operation; it can be repeated after it was interrupted.
@@ -244,7 +244,7 @@ def at_once(store: ObjectStore) -> ObjectStore:
 
 
 def patiently(store: ObjectStore, bucket: str, call: Callable[[], Result]) -> Result:
-    """Calls a function that uses `at_once(store)`, with the store's retry policy.
+    """Calls a function that uses `at_once(store)`, with the store's retry policy, and returns its result.
 
     Args:
         store: The store, patient or not.

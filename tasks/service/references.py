@@ -231,7 +231,7 @@ def _early_worlds(wanted: str, service: Service) -> list[Resource]:
 
 
 def _in_run(wanted: str, service: Service) -> list[Resource]:
-    """The jobs that a run (its id, the beginning of that, or `latest`) and behind a slash a name or an id mean.
+    """Returns the jobs that a text means by a run (id, its beginning, or `latest`), a slash, and a job's name or id.
 
     Raises:
         ConfigurationError: The beginning is that of several runs.
