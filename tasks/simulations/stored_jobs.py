@@ -134,7 +134,7 @@ def store_job(
     token: ClientToken | None,
     batch: tuple[str, int] | None = None,
 ) -> Resource:
-    """Stores a simulation job with status Pending.
+    """Stores a simulation job with status Pending, and returns it, or the one that the client token has stored before.
 
     Args:
         request: Request of a single job, or of one in a batch.

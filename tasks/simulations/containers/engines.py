@@ -167,7 +167,7 @@ def get_image(
     digest: str | None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> Image:
-    """Pulls a container image if necessary, and checks that a job may run it.
+    """Pulls a container image if necessary, checks that a job may run it, and returns its description.
 
     An image that was built on this machine is not pulled: its name in a registry may be another image. If the engine
     cannot tell where an image is from, this holds for all local images without a registry in their name. A local image

@@ -68,7 +68,7 @@ def access_variables(
     service: Service,
     environ: Mapping[str, str],
 ) -> dict[str, str]:
-    """Adds the variables by which AWS SDKs in a job find this service, and act as the job's role.
+    """Returns variables by which AWS SDKs in a job find this service, and act as the job's role, besides the run's own.
 
     The files that the variables name are written. Placeholder credentials for clients of the service are removed if the
     role has credentials, as SDKs would use them for the object store.

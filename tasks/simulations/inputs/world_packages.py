@@ -35,7 +35,7 @@ _DIGITS = 12
 
 
 def place_world_packages(world: Resource, sandbox: Sandbox, service: Service) -> WorldPackages:
-    """Generates ROS packages of a job's world in a run's folders, read-only.
+    """Generates ROS packages of a job's world in a run's folders, read-only, and returns their place.
 
     Args:
         world: The job's world.

@@ -280,7 +280,7 @@ class RunOutputs:
         return uploads_of(self._request, self._folder)
 
     def _stage(self, ended: Stopped) -> list[FolderFile]:
-        """Collects the files that upload configurations select, with their stored names, after all programs ended.
+        """Collects and returns the files that upload configurations select, with stored names, after all programs end.
 
         The files are linked into folders, one for each configuration, so that a job worker that continues after a crash
         finds the same files.

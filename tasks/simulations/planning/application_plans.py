@@ -143,7 +143,7 @@ class Applications:
 
 
 def plan_applications(request: Mapping[str, Any], run_environment: RunEnvironment) -> Applications:
-    """Downloads a job's applications, and determines how they are started.
+    """Downloads a job's applications, and returns how they are started.
 
     Args:
         request: Request of the job.
@@ -215,7 +215,7 @@ def _follow_policy(policy: str, planned: Applications) -> tuple[str, Factory]:
 
 
 def with_ros1_bridge(planned: Applications, run_environment: RunEnvironment) -> list[ProgramPlan]:
-    """Adds the bridge between the simulation and ROS 1 nodes to a run's programs.
+    """Returns a run's programs with the bridge between the simulation and ROS 1 nodes added, if it can run.
 
     A robot application may use ROS 1, or only declare it and connect to the agent socket; so a missing rospy is no
     error.

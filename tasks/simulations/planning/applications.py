@@ -100,7 +100,7 @@ def image_digest(uri: str) -> str | None:
 
 
 def with_etag(source: Mapping[str, Any], index: int, service: Service) -> dict[str, Any]:
-    """Adds the archive's current ETag to an application's source.
+    """Returns an application's source with the current ETag of its archive added.
 
     Raises:
         InvalidParameterException: The archive does not exist, or cannot be read.

@@ -156,7 +156,7 @@ def _ros_launch(code: Code, package: str, file: str, path: Path | None, which: W
 
 
 def with_launch_file(argv: Sequence[str], file: Path) -> tuple[str, ...]:
-    """Adds another launch file to a `roslaunch` command line.
+    """Returns a `roslaunch` command line with another launch file added.
 
     Args:
         argv: Command line, which ends with its launch file.
@@ -169,7 +169,7 @@ def with_launch_file(argv: Sequence[str], file: Path) -> tuple[str, ...]:
 
 
 def _of_this_machine(code: Code, program: Path, which: Which) -> Path:
-    """Replaces an archive's program that belongs to a ROS for another system by this machine's.
+    """Returns an archive's program, or this machine's in place of one that belongs to a ROS for another system.
 
     Raises:
         LaunchError: The interpreter of the program is missing on this machine.
@@ -185,7 +185,7 @@ def _of_this_machine(code: Code, program: Path, which: Which) -> Path:
 
 
 def in_ros(code: Code, launcher: Path, argv: tuple[str, ...]) -> tuple[str, ...]:
-    """Wraps a command line to run in the environment of a ROS installation and the bundle's workspace.
+    """Returns a command line that runs another in the environment of a ROS installation and the bundle's workspace.
 
     Args:
         code: Code of the application, whose archive may have a ROS workspace.
@@ -205,7 +205,7 @@ def _with_overlays(code: Code, argv: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _sourced(code: Code, setups: list[Path], argv: tuple[str, ...]) -> tuple[str, ...]:
-    """Wraps a command line so that existing setup scripts are sourced before.
+    """Returns a command line that runs another after sourcing those setup scripts that exist.
 
     The scripts put their own packages before those of the job's world, so the world's setup is sourced after them.
     """

@@ -72,6 +72,8 @@ def checkpoint_every_s(application: ApplicationPlan | None) -> float | None:
 def plan_to_resume(job: Resource, folder: Path) -> RunPlan | None:
     """Returns the plan of an interrupted run if it can be resumed on this machine, else logs why not.
 
+    Then it returns `None`.
+
     Args:
         job: Simulation job.
         folder: Folder of the interrupted run.
@@ -132,7 +134,7 @@ def run_plan(
     stopped: Callable[[], bool] = lambda: False,
     as_ran: Mapping[str, str] | None = None,
 ) -> RunPlan:
-    """Downloads everything a simulation run needs, and makes its plan.
+    """Downloads everything a simulation run needs, and returns the run's plan.
 
     Args:
         job: The simulation job.

@@ -22,7 +22,7 @@ _ROS_FOLDERS = Path("/opt/ros")
 
 
 def with_topic_recorder(plan: RunPlan, launched_by: int | None, environ: Mapping[str, str], most_bytes: int) -> RunPlan:
-    """Adds a program that records all ROS 2 topics to a run's plan, or logs why it cannot.
+    """Returns a run's plan with a program added that records all ROS 2 topics, or logs why it cannot.
 
     A run without programs has nothing to record.
 

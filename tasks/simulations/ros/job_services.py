@@ -87,7 +87,7 @@ def answering(root: Path | None, arn: str, service: Service) -> Generator[None]:
 
 
 def answer(question: object, arn: str, service: Service) -> dict[str, Any]:
-    """Handles a job's ROS service call: cancel the job, or read and change its tags.
+    """Carries out a job's ROS service call (cancel the job, read or change its tags), and returns the answer.
 
     Args:
         question: Object with the member `operation`, which is `cancel`, `add_tags` with `tags`, `remove_tags` with
