@@ -113,7 +113,7 @@ def has_open_runs(client: SyncPrefectClient, flow_names: Iterable[str], since: d
 
 
 def sweep(client: SyncPrefectClient, flow_names: Iterable[str], now: datetime | None = None) -> Swept:
-    """Closes task runs and subflow runs that are left open by flow runs which died or were cancelled.
+    """Closes task runs and subflow runs left open by flow runs that died or were cancelled; returns their numbers.
 
     Args:
         client: The server's client.

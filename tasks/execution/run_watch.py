@@ -67,7 +67,7 @@ class RunWatch:
     _runs: dict[UUID, _Watched] = field(default_factory=dict[UUID, _Watched])
     _changed: threading.Condition = field(default_factory=threading.Condition)
     _taking_back: threading.Lock = field(default_factory=threading.Lock)
-    """Lock held while a run is set to `Running` again: the end of a run meanwhile is told to Prefect only after that."""
+    """Lock held while a run is set to `Running` again: a run's end meanwhile is told to Prefect only after that."""
 
     _is_running: bool = False
     _misses: int = 0
