@@ -167,7 +167,7 @@ class MachineSlots:
                     self.give_back(slot)
 
     def take(self, name: str = "a job") -> int | None:
-        """Takes a slot if a job may begin now; `give_back` has to follow.
+        """Takes and returns a slot if a job may begin now, else returns `None`; `give_back` has to follow.
 
         From then on this batch waits for slots, and others with less right to them get none: ask again within seconds,
         or `leave`.
@@ -190,7 +190,7 @@ class MachineSlots:
             return slot
 
     def take_finishing(self) -> int | None:
-        """Takes one of the extra places for jobs that only render and upload, if one is free.
+        """Takes and returns one of the extra places for jobs that only render and upload; `None` if none is free.
 
         There are as many as slots, so a machine has at most twice as many jobs as it has slots. `give_back` frees it.
         """
@@ -222,7 +222,7 @@ class MachineSlots:
         self._slots.give_back(slot)
 
     def _awaited(self, should_stop: Callable[[], bool], name: str) -> int | None:
-        """Waits for a slot; one waiting thread polls.
+        """Waits for a slot and returns it, or `None` if `should_stop` says so; one waiting thread polls.
 
         The batch counts as waiting until the last thread has a slot.
         """

@@ -166,7 +166,7 @@ class WaiterFiles:
 
 
 def may_begin(ticket: str, waiters: Mapping[str, WaiterRecord], running: Mapping[str | None, int], free: int) -> bool:
-    """Decides whether a waiting job may take a free slot now, or has to leave it to others with more right.
+    """Whether a waiting job may take a free slot now, or has to leave it to others with more right.
 
     A batch is taken to want every slot that it can get; a job that is in no batch wants one.
 
