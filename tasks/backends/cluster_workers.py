@@ -157,7 +157,7 @@ class Cluster(Protocol):
         ...
 
     def start(self, machine: str, batch: str) -> Started:
-        """Starts a job worker for a batch on a machine of the cluster.
+        """Starts a job worker for a batch on a machine of the cluster, and returns an object that tells its end.
 
         Raises:
             Exception: The cluster does not answer, or the machine has left it.
