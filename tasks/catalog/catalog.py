@@ -271,7 +271,7 @@ class Catalog(CatalogLeases):
                     connection.execute(_CHANGED_DOCUMENT.values(updated_at=now), values)
 
     def set_tags(self, arn: str, tags: Mapping[str, str]) -> Resource:
-        """Adds tags to a resource, or replaces their values; this does not count as an update of the resource.
+        """Adds tags to a resource, or replaces their values, and returns it; this does not count as an update of it.
 
         Raises:
             ResourceNotFoundException: The catalog has no such resource.
@@ -284,7 +284,7 @@ class Catalog(CatalogLeases):
         return self._change(arn, None, merged)
 
     def remove_tags(self, arn: str, keys: Iterable[str]) -> Resource:
-        """Removes tags from a resource, by key; keys that it does not have are ignored.
+        """Removes tags from a resource, by key, and returns it; keys that it does not have are ignored.
 
         Raises:
             ResourceNotFoundException: The catalog has no such resource.
@@ -306,7 +306,9 @@ class Catalog(CatalogLeases):
         owner: str | None = None,
         labels: Mapping[str, Sequence[str]] | None = None,
     ) -> Resource:
-        """Changes a resource's status by an event of its state machine; of several concurrent callers one succeeds.
+        """Changes a resource's status by an event of its state machine, and returns the resource.
+
+        Of several concurrent callers one succeeds.
 
         Args:
             arn: ARN of the resource.
@@ -370,7 +372,7 @@ class Catalog(CatalogLeases):
     # Cancelling
 
     def request_cancel(self, arn: str) -> Resource:
-        """Marks a resource to be cancelled, for its job worker to see; a resource that has ended is not changed.
+        """Marks a resource to be cancelled, for its job worker to see, and returns it; an ended one is not changed.
 
         Raises:
             ResourceNotFoundException: The catalog has no such resource.

@@ -89,7 +89,7 @@ class ClientToken:
 
 
 def find_resource(connection: Connection, token: ClientToken, account: str) -> Resource | None:
-    """Finds the resource that an earlier call of the same account with the same client token created.
+    """Returns the resource that an earlier call of the same account with the same client token created, else `None`.
 
     Raises:
         IdempotentParameterMismatchException: The earlier call with this client token had another request.

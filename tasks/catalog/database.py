@@ -35,7 +35,7 @@ which parts exist.
 
 
 def open_engine(url: str) -> Engine:
-    """Connects to a catalog's database and updates its tables to this release.
+    """Connects to a catalog's database, updates its tables to this release, and returns its engine.
 
     Raises:
         CatalogAwayError: The database's server is away, or has not started or ended yet.
