@@ -76,7 +76,7 @@ class ActionLogHeader(Model):
 
 
 def header_of(mode: Literal["lockstep", "free"], layout: Layout) -> ActionLogHeader:
-    """Makes the header of an action log for actions of a given message layout."""
+    """Returns the header of an action log for actions of a given message layout."""
     arrays = layout.describe()["arrays"]
     return ActionLogHeader(
         mode=mode,
@@ -343,7 +343,7 @@ class ActionRecorder:
 
 
 def _differences(actions: list[bytes], size: int) -> bytes:
-    """Transposes actions (rows of bytes) to columns and takes differences between actions, which compress better."""
+    """Returns the bytes of actions by columns, as differences between successive actions, which compress better."""
     columns = np.frombuffer(b"".join(actions), np.uint8).reshape(len(actions), size).T.copy()
     columns[:, 1:] ^= columns[:, :-1].copy()
     return columns.tobytes()

@@ -172,7 +172,7 @@ class ArraySpec:
             self.maximum = self._numpy_bound(self.maximum, np.inf)
 
     def read(self, data: bytearray) -> Any:
-        """Decodes one array of an observation from a message's content."""
+        """Returns one array of an observation from a message's content: a NumPy array, nested lists without NumPy."""
         if np is not None:
             return np.ndarray(self.shape, self._numpy_dtype, data, self.offset)
         return _shaped(iter(self._items.unpack_from(data, self.offset)), self.shape)

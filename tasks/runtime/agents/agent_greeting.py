@@ -40,7 +40,7 @@ class OtherInterface(Protocol):
         ...
 
     def missing(self) -> str:
-        """Describes the missing robot, to complete the sentence "it has to connect to the socket, ..."."""
+        """Returns text about the missing robot that completes the sentence "it has to connect to the socket, ..."."""
         ...
 
 

@@ -43,7 +43,7 @@ class RecordedRobot(Observer):
         self._taken = 0
 
     def make_agent(self, context: SimulationContext, environment: dm_env.Environment) -> Callable[..., Any]:
-        """Makes an agent that plays back the recorded actions.
+        """Returns an agent that plays back the recorded actions, one for each time step.
 
         Args:
             context: Context of the run.

@@ -201,7 +201,7 @@ class RemoteAgent:
 
 
 def _copied(action: Any) -> Any:
-    """Copies an action, as environments may keep or change the arrays that they get."""
+    """Returns a copy of an action, as environments may keep or change the arrays that they get."""
     if isinstance(action, dict):
         return {key: _copied(item) for key, item in action.items()}
     if isinstance(action, list | tuple):
@@ -236,7 +236,7 @@ class RobotNodes(OtherInterface, Protocol):
         ...
 
     def make_agent(self, environment: Any, stop: Stop, keep: Callable[[bytes], None]) -> Agent:
-        """Makes the agent that the nodes drive; `keep` receives each action as bytes."""
+        """Returns the agent that the nodes drive; `keep` receives each action as bytes."""
         ...
 
     def close(self, ended_by: str | None = None) -> Findings:
@@ -280,7 +280,7 @@ class RemoteRobot(Observer):
         self._refuses_again_s, self._late = 0.0, 0
 
     def make_agent(self, context: SimulationContext, environment: dm_env.Environment) -> Agent:
-        """Waits for the robot program or for ROS nodes, and makes the agent that gets actions from them.
+        """Waits for the robot program or for ROS nodes, and returns the agent that gets actions from them.
 
         Args:
             context: Context of the run, with the robot application's environment variables.

@@ -140,7 +140,7 @@ class RecordedRun(dm_env.Environment):
         return dm_env.restart(self._time())
 
     def step(self, action: Any) -> dm_env.TimeStep:  # noqa: ARG002 - what happened has happened
-        """Reads the recording's messages up to the end of the next step.
+        """Reads the recording's messages up to the end of the next step, and returns its time step.
 
         Raises:
             RecordingFault: The recording is damaged, or its time goes backwards.

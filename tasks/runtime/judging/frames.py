@@ -113,5 +113,5 @@ class FrameTree:
 
 
 def bare(frame: str) -> str:
-    """Removes the leading slash from a frame name, which old ROS 1 nodes write."""
+    """Returns a frame's name without the leading slash that old ROS 1 nodes write."""
     return frame.removeprefix("/")

@@ -243,7 +243,7 @@ class Measurements:
         return pairs.of(poses_in(transforms, chain, timed(_TF), path), poses_on(truths, timed(truth), path))
 
     def _paired_topic(self, rule: Rule[Any], topic: str, max_gap_s: float) -> PoseTopic:
-        """Finds a topic with poses for a rule that compares two.
+        """Returns the topic with poses that a rule compares with those of another.
 
         Raises:
             NotMeasuredError: The recording has no such topic, or its messages have no poses.

@@ -13,7 +13,7 @@ _FLAGS = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
 
 
 def read_left(path: Path, most_bytes: int) -> bytes:
-    """Reads a regular file that untrusted code may have made: no links, no FIFOs, limited size.
+    """Returns the content of a regular file that untrusted code may have made: no links, no FIFOs, limited size.
 
     Args:
         path: Path of the file.
@@ -29,7 +29,7 @@ def read_left(path: Path, most_bytes: int) -> bytes:
 
 
 def open_left(path: Path, folder: int | None = None) -> BufferedReader:
-    """Opens a regular file that untrusted code may have made: no links, no FIFOs.
+    """Opens and returns a regular file that untrusted code may have made: no links, no FIFOs.
 
     Args:
         path: Path of the file.

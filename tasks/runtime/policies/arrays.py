@@ -48,7 +48,7 @@ class ObservedArrays:
         """Total number of values in all arrays."""
 
     def read(self, observation: Any) -> Observed:
-        """Copies the arrays of an observation to a dictionary by name."""
+        """Returns copies of the arrays of an observation, by name."""
         values = dict(_leaves(observation))
         return {name: _as_numbers(values[name], spec) for name, spec in self.specs.items()}
 

@@ -305,5 +305,5 @@ def _topic(topic: RecordedTopic) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Quotes a name for YAML; applications may use any characters."""
+    """Returns a name quoted for YAML; applications may use any characters."""
     return "'" + text.replace("'", "''") + "'"

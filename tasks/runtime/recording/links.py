@@ -136,6 +136,6 @@ def _product(first: _Numbers, second: _Numbers) -> _Numbers:
 
 
 def _turned(turn: _Numbers, vectors: _Numbers) -> _Numbers:
-    """Rotates vectors by quaternions."""
+    """Returns vectors rotated by quaternions with w first, a row each."""
     across = 2.0 * np.cross(turn[:, 1:], vectors)
     return vectors + turn[:, :1] * across + np.cross(turn[:, 1:], across)

@@ -73,7 +73,7 @@ class RayCamera:
         return self._enlarged(lambda shape: self._measure(data, view, shape), self._size)
 
     def _enlarged(self, make: Callable[[tuple[int, int]], NDArray[Any]], size: tuple[int, int]) -> NDArray[Any]:
-        """Renders an image with a limited number of rays, and upscales it to a size."""
+        """Returns an image that is made with a limited number of rays, upscaled to a size (width, height)."""
         width, height = size
         coarseness = math.ceil(math.sqrt(width * height / _MAX_RAYS))
         made = make((math.ceil(height / coarseness), math.ceil(width / coarseness)))
@@ -222,7 +222,7 @@ class _Buffers:
         return np.flatnonzero(~(known.ravel() | self._in_grid))
 
     def _enlarged(self, cells: NDArray[Any]) -> NDArray[Any]:
-        """Repeats each grid cell's value for all pixels of the cell."""
+        """Returns an array in which each grid cell's value is repeated for all pixels of the cell."""
         return cells.repeat(self._steps[0], axis=0).repeat(self._steps[1], axis=1)
 
 

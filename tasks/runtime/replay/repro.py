@@ -105,7 +105,7 @@ class Reproduction:
         return why_other_inputs(self.first.provenance, rerun.outputs.provenance)
 
     def rerun(self, folder: Path, video: VideoPolicy = "none", launcher: Launcher | None = None) -> Rerun:
-        """Runs the reproduced run again, in separate processes.
+        """Runs the reproduced run again, in separate processes, waits for its end, and returns the rerun.
 
         Args:
             folder: Folder for the rerun's work and outputs; an earlier rerun in it is removed.
@@ -225,7 +225,7 @@ def _write_test(outputs: RunOutputs, failure_code: str | None, folder: Path) -> 
 
 
 def _in_docstring(text: str) -> str:
-    """Escapes text so that it cannot end a docstring: texts of a run are untrusted."""
+    """Returns text that cannot end a docstring, as texts of a run are untrusted."""
     return text.replace("\\", "/").replace('"', "'")
 
 

@@ -242,7 +242,7 @@ class _Check:
 
 
 def make_rules(requirements: Sequence[JobRequirement]) -> list[Rule[Any]]:
-    """Makes a rule for each requirement, which judges it during the run."""
+    """Returns a rule for each requirement, in their order, which judges it during the run."""
     rules = [requirement.rule(requirement) for requirement in requirements]
     for index, rule in enumerate(rules):
         rule.follow(rules[:index])
@@ -250,7 +250,7 @@ def make_rules(requirements: Sequence[JobRequirement]) -> list[Rule[Any]]:
 
 
 def merged(requested: Sequence[JobRequirement], own: Sequence[JobRequirement]) -> list[JobRequirement]:
-    """Merges the requirements of environment and job; the job's take precedence where names are equal."""
+    """Returns the requirements of environment and job together; the job's take precedence where names are equal."""
     names = {requirement.name for requirement in requested}
     return [*(requirement for requirement in own if requirement.name not in names), *requested]
 

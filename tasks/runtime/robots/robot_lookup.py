@@ -162,7 +162,7 @@ def _files(mapping: RobotModel, path: Path, root: Path, variables: Mapping[str, 
 
 
 def _short_name(text: str) -> str:
-    """Makes a valid short name for a robot that has none, from a text."""
+    """Returns a valid short name for a robot that has none, made from a text."""
     name = re.sub(r"[^a-z0-9_]+", "_", text.lower()).strip("_")
     name = name if re.match("[a-z]", name) else f"robot_{name}"
     return name[:_MAX_NAME].strip("_")

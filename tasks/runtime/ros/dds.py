@@ -238,7 +238,7 @@ class Participant:
         return self._entity.get_guid().bytes[:12]
 
     def waiter(self, readers: "Sequence[Reader]") -> "Waiter":
-        """Makes an object that waits for messages of some subscribers."""
+        """Returns an object that waits for messages of some subscribers of this participant."""
         return Waiter(self._entity, readers)
 
     def close(self) -> None:
@@ -314,7 +314,7 @@ class Received(NamedTuple):
 
 
 def without_padding(message: bytes) -> bytes:
-    """Removes the padding bytes that a CDR message's header declares."""
+    """Returns a CDR message without the padding bytes that its header declares."""
     padding = message[3] & 3 if len(message) > 3 else 0
     return message[:3] + b"\0" + message[4:-padding] if padding else message
 
@@ -387,7 +387,7 @@ def user_data(qos: Any) -> bytes:
 
 
 def named_type(ros_type: str) -> Any:
-    """Makes a DDS type that has only the ROS type's name, for peers without type information."""
+    """Returns a DDS type that has only the ROS type's name, for peers without type information."""
     from cyclonedds.idl.types import uint8
 
     return _struct(ros_type, {"anything": uint8})

@@ -134,7 +134,7 @@ class Listener:
         ]
 
     def subscribe(self, topic: str, type_name: str, depth: int, *, is_latched: bool) -> Subscription:
-        """Subscribes a topic for recording.
+        """Subscribes a topic for recording, and returns the subscription.
 
         Args:
             topic: DDS topic name.

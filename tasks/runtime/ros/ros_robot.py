@@ -145,7 +145,7 @@ class RosBridge:
         )
 
     def make_agent(self, environment: dm_env.Environment, stop: Any, keep: Callable[[bytes], None]) -> "RosAgent":
-        """Makes the agent whose actions are the velocity commands of ROS nodes.
+        """Returns the agent whose actions are the velocity commands of ROS nodes, and says so in the run's log.
 
         Args:
             environment: Environment in which the nodes drive.

@@ -233,7 +233,7 @@ def confirmed_hash(ros_type: str, definition: str, type_hash: str) -> str:
 
 
 def request_of(ros_type: str, type_hash: str) -> bytes:
-    """Makes a `get_type_description` service request for a message type, as CDR."""
+    """Returns the request of the service `get_type_description` for a message type, as CDR bytes."""
     store = _asking_store()
     message = store.types[_REQUEST](ros_type, type_hash, True)
     return bytes(store.serialize_cdr(message, _REQUEST, little_endian=True))

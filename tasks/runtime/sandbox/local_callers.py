@@ -132,7 +132,7 @@ class Callers:
         self._can_tell = os.path.exists("/proc/self/ns/pid")  # else there are no boxes either
 
     def who(self, peer: Address, server: Address) -> Caller:
-        """Finds the process that has opened a connection.
+        """Returns which process has opened a connection to this one, and which job that belongs to.
 
         Args:
             peer: Address and port of the caller's end of the connection.

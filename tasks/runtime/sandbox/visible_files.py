@@ -95,7 +95,7 @@ def _worth_showing(paths: Iterable[str]) -> list[Path]:
 
 
 def ordered(sights: Iterable[Sight]) -> list[Sight]:
-    """Sorts visible files in the order in which they are mounted: folders before their content."""
+    """Returns visible files, each path once, in the order in which they are mounted: folders before their content."""
     return sorted({sight.path: sight for sight in sights}.values(), key=lambda sight: sight.path.count("/"))
 
 

@@ -384,7 +384,7 @@ class StateLogger(Observer):
 
 
 def _differences(rows: Rows) -> bytes:
-    """Transposes the numbers' bit patterns to columns and takes differences between frames, which compress better."""
+    """Returns the bytes of states by columns, as differences between successive frames, which compress better."""
     bits = rows.T.copy().view(np.uint64)
     bits[:, 1:] ^= bits[:, :-1].copy()
     return bits.tobytes()

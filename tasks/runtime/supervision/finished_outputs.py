@@ -42,7 +42,7 @@ class ProgramResult:
 
 
 def read_program_result(output_dir: Path, facts: Mapping[str, Any]) -> ProgramResult:
-    """Reads and completes the `result.json` that a program wrote.
+    """Reads and completes the `result.json` that a program wrote, and returns it or the problem with it.
 
     Only `verdict` is required: a byte order mark is skipped, unknown members and non-finite numbers (as text) are moved
     to `extra`, and missing members are filled in.

@@ -338,7 +338,7 @@ class _Server:
 
 
 def _above_standard(connection: socket.socket) -> socket.socket:
-    """Moves a socket to a descriptor above standard input, output and error, which may be closed in this process."""
+    """Returns a socket on a descriptor above standard input, output and error, and closes the given one."""
     with connection:
         return socket.socket(fileno=fcntl.fcntl(connection.fileno(), fcntl.F_DUPFD_CLOEXEC, 3))
 
@@ -374,7 +374,7 @@ class _FirstCrash:
 
 
 def decide_outcome_with_log(ended: Exit | None, stopped_for: RunStop | None, plan: RunPlan) -> Outcome:
-    """Determines how a run ended, with the log of the program concerned."""
+    """Returns how a run ended, with the last log lines of the program concerned in a failure's reason."""
     program = ended.crash.program if ended is not None and ended.crash is not None else None
     if ended is not None and program is None and never_connected(ended):
         program = next(

@@ -67,7 +67,7 @@ class LaunchWatch:
         return None
 
     def _after_required(self, said: bytes, line: bytes) -> bytes | None:
-        """Handles the log line about a required node's end, which may be clean: `process has finished cleanly`."""
+        """Returns the failure of a required node whose end was logged, or `None` if this line calls its end clean."""
         self._awaited = None
         return b"%s %s" % (said, line) if line.startswith(b"process has died") else None
 

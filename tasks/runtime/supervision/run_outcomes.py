@@ -82,12 +82,12 @@ class Exit:
         return self.report.get("ended_by") if self.exit_code == 0 else None
 
     def to_message(self) -> dict[str, Any]:
-        """Converts the object to plain values, to send it to the launcher."""
+        """Returns the object as plain values, to be sent to the launcher."""
         return {**asdict(replace(self, tools=())), "tools": [tool.model_dump() for tool in self.tools]}
 
     @classmethod
     def from_message(cls, message: dict[str, Any]) -> "Exit":
-        """Reads the plain values that `to_message` made."""
+        """Returns the object of the plain values that `to_message` made."""
         read = {
             "phase": Phase(message["phase"]),
             "crash": Crash(**message["crash"]) if message["crash"] else None,

@@ -140,7 +140,7 @@ class Frame:
         self._mirror = -(x_axis + 1j * y_axis) / doubled
 
     def enter(self, away: AnyPlace) -> AnyPlace:
-        """Converts positions from the world's axes to the robot's axes.
+        """Converts positions relative to the robot, along the world's axes (x + iy), to the robot's axes; in metres.
 
         Args:
             away: Positions relative to the robot, along the world's axes.

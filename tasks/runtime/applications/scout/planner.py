@@ -81,7 +81,7 @@ def _is_no_tighter(
 
 
 def _average(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Smooths points by a moving average, which is narrower near both ends."""
+    """Returns points smoothed by a moving average, which is narrower near both ends; the number of points stays."""
     count = len(points)
     index = np.arange(count)
     half = np.minimum(_WINDOW // 2, np.minimum(index, count - 1 - index))

@@ -86,5 +86,5 @@ def lined_text(root: Located) -> str:
 
 
 def _quoted(value: str) -> str:
-    """Quotes an attribute's value; line breaks in it become spaces, as XML reads them."""
+    """Returns an attribute's value quoted for XML; line breaks in it become spaces, as XML reads them."""
     return quoteattr(" ".join(value.splitlines()) if "\n" in value else value)

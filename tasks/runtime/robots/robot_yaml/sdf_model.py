@@ -258,7 +258,7 @@ def _listed(names: list[str]) -> str:
 
 
 def _numbered(name: str, taken: set[str]) -> str:
-    """Makes a name unique among shapes or joints by adding a number if it is taken."""
+    """Returns a name that is unique among shapes or joints, with a number if it is taken, and adds it to `taken`."""
     names = (name if number == 1 else f"{name}_{number}" for number in count(1))
     taken.add(found := next(each for each in names if each not in taken))
     return found

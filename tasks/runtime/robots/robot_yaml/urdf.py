@@ -148,7 +148,7 @@ def read_urdf(robot: Located, path: Path, root: Path, reading: UrdfReading | Non
 
 
 def refused(path: Path, cause: ValueError, what: str, hint: str = "") -> LaunchError:
-    """Makes the error about a model that MuJoCo refuses, with the line of the URDF if known.
+    """Returns, without raising it, the error about a model that MuJoCo refuses, with the line of the URDF if known.
 
     Args:
         path: Path of the MJCF or URDF.
