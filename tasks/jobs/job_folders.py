@@ -213,7 +213,7 @@ class KeptOutputs:
 
 
 def find_kept(service: Service, job: str | None = None) -> list[KeptOutputs]:
-    """Finds outputs on this machine whose upload failed, of jobs that have ended.
+    """Returns outputs on this machine whose upload failed, of jobs that have ended.
 
     Args:
         service: The service, with its catalog and object store.

@@ -63,7 +63,7 @@ def is_overtaken(status: OutcomeStatus, stopped_because: StopReason | None, *, i
 
 
 def stopped(reason: StopReason, words: str) -> Outcome:
-    """Makes the outcome of a job that had to stop; one that was cancelled itself has no failure code."""
+    """Returns the outcome of a job that had to stop; one that was cancelled itself has no failure code."""
     if reason is StopReason.CANCELED:
         return Outcome(status="Canceled")
     return Outcome(status="Canceled", failure_code=reason.value, failure_reason=words)
@@ -80,7 +80,7 @@ def overtaken(outcome: Outcome, reason: StopReason | None = None) -> Outcome:
 
 
 def failed(code: str, reason: str) -> Outcome:
-    """Makes the outcome of a job that failed."""
+    """Returns the outcome of a job that failed, with failure code and reason."""
     return _with_failure(Outcome(status="Failed"), code, reason)
 
 
@@ -239,5 +239,5 @@ class EarlierRuns:
 
 
 def not_stored_by_dead(outputs: RunOutputs, error: Exception) -> str:
-    """Makes the failure text that a run's outputs were not stored, because the machine it ran on has died."""
+    """Returns the failure text that a run's outputs are not stored, because the machine it ran on has died."""
     return f"{_LOST} in s3://{outputs.bucket}/{outputs.prefix}: {error}"

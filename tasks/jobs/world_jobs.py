@@ -283,7 +283,7 @@ def plan_count(worlds: Iterable[Resource]) -> int | None:
 
 
 def in_order(arns: Iterable[str]) -> list[str]:
-    """Sorts worlds by number, so that later steps do not depend on which one finished first."""
+    """Returns worlds (ARNs) sorted by number, so that later steps do not depend on which one finished first."""
     return sorted(arns, key=lambda arn: int(arn.rpartition("-")[2]))
 
 
