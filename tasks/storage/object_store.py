@@ -375,7 +375,7 @@ def check_prefix(prefix: str) -> None:
 
 
 def join_key(prefix: str, *parts: str) -> str:
-    """Joins parts to an object key with single slashes; empty parts are left out."""
+    """Returns an object key of parts joined with single slashes; empty parts are left out."""
     return "/".join([stripped, *parts]) if (stripped := prefix.strip("/")) else "/".join(parts)
 
 

@@ -167,7 +167,7 @@ def unpublish(store: ObjectStore, bucket: str, prefix: str) -> None:
 
 
 def read_manifest(store: ObjectStore, bucket: str, prefix: str) -> Manifest:
-    """Reads the manifest of the files published under a prefix.
+    """Reads and returns the manifest of the files published under a prefix.
 
     Raises:
         ObjectNotFoundError: No files are published under this prefix.

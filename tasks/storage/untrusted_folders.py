@@ -126,7 +126,7 @@ def _walk(folder: Path, prefix: str, depth: int, tell: Callable[[Path, str], Non
 
 
 def open_regular(path: Path) -> BufferedReader:
-    """Opens a regular file for reading; refuses links and devices.
+    """Opens and returns a regular file for reading; links and devices are refused.
 
     Raises:
         FileNotFoundError: Nothing is there, or no regular file: folders, symbolic links and devices

@@ -100,7 +100,7 @@ class Roles:
     opened: _Opened = field(default_factory=_Opened)
 
     def with_blocks(self, read_block: ReadBlock) -> "Roles":
-        """Returns the same roles, with access to credentials in Prefect blocks."""
+        """Returns a copy of the roles that reads credentials in Prefect blocks with the given function."""
         return replace(self, read_block=read_block)
 
     def store_of(self, arn: str) -> ObjectStore:
