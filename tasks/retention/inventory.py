@@ -140,7 +140,7 @@ def _is_since(resource: Resource, since: datetime | None) -> bool:
 
 
 def worlds_in(document: Any) -> set[str]:
-    """Finds the ARNs of worlds anywhere in a JSON document."""
+    """Returns the ARNs of worlds that occur anywhere in a JSON document."""
     return {world for text in _texts_in(document) for world in _WORLD.findall(text)}
 
 
@@ -222,7 +222,7 @@ def _with_children(orders: tuple[str, ...] | list[str], service: Service) -> dic
 
 
 def _content(job: Resource) -> dict[str, Any]:
-    """Returns a job's document as a JSON object."""
+    """Returns a job's stored document, which has its request and results, as a JSON object."""
     return DOCUMENTS[job.kind].of(job).to_json()
 
 

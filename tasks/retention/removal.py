@@ -55,7 +55,7 @@ class Amount:
 
 
 def measure(unit: Unit, spared: Set[str], service: Service, *, results_stay: bool) -> Amount:
-    """Measures how many files and bytes deleting a unit would free.
+    """Returns the number of files and bytes that deleting a unit would free; deletes nothing.
 
     Args:
         unit: The unit.
@@ -131,7 +131,10 @@ def remove_world(world: Resource, service: Service) -> None:
 
 
 def measure_world(world: Resource, service: Service) -> Amount:
-    """Measures the stored files of a world, local and in the object store; worlds of equal content share them."""
+    """Returns the number and bytes of a world's stored files, local and in the object store.
+
+    Worlds of equal content share them.
+    """
     bundle = WorldDocument.of(world).bundle
     return Amount() if bundle is None else _stored(bundle, service) + on_disk(_copy(bundle, service))
 
