@@ -89,7 +89,7 @@ class Operation:
         return self.handle(request, through(self.name, request.to_wire()))
 
     def checked(self, data: Mapping[str, Any], service: Service) -> Shape:
-        """Parses and checks a request by itself, without the catalog.
+        """Parses and checks a request by itself, without the catalog, and returns it.
 
         Raises:
             ServiceError: The request is refused.
