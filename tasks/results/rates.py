@@ -75,7 +75,7 @@ def share_of(name: str, passed: int, failed: int, errors: int = 0) -> Share:
 
 
 def of_outcomes(name: str, outcomes: Sequence[CaseOutcome]) -> Share:
-    """Computes the pass rate of jobs or trials; stopped and unjudged ones do not count.
+    """Returns the pass rate of jobs or trials; stopped and unjudged ones do not count.
 
     Args:
         name: Name of the rate: what the jobs or trials have in common.
@@ -85,7 +85,7 @@ def of_outcomes(name: str, outcomes: Sequence[CaseOutcome]) -> Share:
 
 
 def of_table(name: str, results: ResultTable, *, errors_fail: bool = False) -> Share:
-    """Computes the pass rate of all trials in a results table; see `of_outcomes`.
+    """Returns the pass rate of all trials in a results table; see `of_outcomes`.
 
     Args:
         name: Name of the rate: what the trials have in common.
@@ -114,12 +114,12 @@ def counts_by(results: ResultTable, column: str) -> dict[str, Counts]:
 
 
 def by_world(results: ResultTable) -> list[Share]:
-    """Computes the pass rate of each world, worst first."""
+    """Returns the pass rate of each world, with its confidence interval, worst first."""
     return _worst_first(counts.share(name) for name, counts in counts_by(results, "world_name").items())
 
 
 def by_room(jobs: Iterable[ReportedJob]) -> list[Share]:
-    """Computes for each room name the share of jobs in which the robot visited the room, worst first."""
+    """Returns for each room name the share of jobs in which the robot visited the room, worst first."""
     visits: dict[str, list[bool]] = {}
     for job in jobs:
         for room in job.result.rooms if job.result else ():
@@ -150,7 +150,7 @@ def requirement_counts(results: ResultTable) -> dict[str, Counts]:
 
 
 def by_requirement(results: ResultTable) -> list[Share]:
-    """Computes the pass rate of each requirement, worst first, with its smallest margin."""
+    """Returns the pass rate of each requirement, worst first, with its smallest margin."""
     units = margin_units(results)
     return _worst_first(
         _with_margin(counts.share(name), units.get(name, set()), results)
@@ -194,5 +194,5 @@ def _counts(outcomes: Counter[str]) -> Counts:
 
 
 def _worst_first(shares: Iterable[Share]) -> list[Share]:
-    """Sorts rates: those with errors or failures first, by rate; the others keep their order."""
+    """Returns rates sorted: those with errors or failures first, by rate; the others keep their order."""
     return sorted(shares, key=lambda share: (not share.errors, share.rate if share.rate is not None else 1.0))
