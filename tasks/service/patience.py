@@ -199,7 +199,7 @@ class PatientStore(StoreOver):
         self.patience = patience
 
     def over(self, store: ObjectStore) -> "PatientStore":
-        """Wraps another object store with the same retry policy."""
+        """Returns a store that wraps another object store with the same retry policy."""
         return PatientStore(store, self.patience)
 
     def do(

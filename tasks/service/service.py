@@ -209,7 +209,7 @@ class Service:
 
     @classmethod
     def open(cls, settings: Settings, environ: Mapping[str, str] | None = None) -> "Service":
-        """Opens the catalog and the object store, and creates missing parts.
+        """Opens the catalog and the object store, creates missing parts, and returns the service with them.
 
         Raises:
             ConfigurationError: A setting leads nowhere.
@@ -330,7 +330,7 @@ class Service:
         labels: Mapping[str, Sequence[str]] | None = None,
         status: str = "Pending",
     ) -> Resource:
-        """Stores a new job under a new id.
+        """Stores a new job under a new id in the catalog, and returns it.
 
         Args:
             kind: Kind of the job, as in its ARN.
@@ -360,7 +360,7 @@ class Service:
         return self.catalog.create(job, token=token, lease=lease)
 
     def find_by_client_token(self, token: ClientToken | None) -> Resource | None:
-        """Finds the resource that an earlier call with the same client token created, if any.
+        """Returns the resource that an earlier call with the same client token created, or `None` if there is none.
 
         Raises:
             IdempotentParameterMismatchException: The earlier call was another request.
