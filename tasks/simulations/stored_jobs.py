@@ -46,7 +46,7 @@ class FoundResults:
 
 
 def find_results(document: SimulationJobDocument, made_of: MadeOf, service: Service) -> FoundResults:
-    """Finds the newest successful job with the same inputs, whose results can be reused.
+    """Returns the newest successful job with the same inputs, whose results can be reused, or why there is none.
 
     Args:
         document: Document of the new job.

@@ -189,7 +189,7 @@ def _make(container: Container, note: ContainerNote, folder: Path) -> None:
 
 
 def _container_name(role: ApplicationRole, run_environment: RunEnvironment) -> str:
-    """Makes a unique container name; it includes the folder, as reruns of a stored run have the same run id."""
+    """Returns a unique container name; it includes the folder, as reruns of a stored run have the same run id."""
     digest = hashlib.sha256(os.fsencode(run_environment.folder.absolute())).hexdigest()[:10]
     return f"robomaker-{run_environment.plan.job_id}-{run_environment.plan.run_id.lower()}-{digest}-{role}"
 
@@ -266,7 +266,7 @@ def _make_mount_point(sandbox: Sandbox, path: str) -> None:
 
 
 def _agent_folder(run_environment: RunEnvironment) -> Path:
-    """Creates the folder of the agent socket, before the engine would create it as root."""
+    """Creates and returns the folder of the agent socket, before the engine would create it as root."""
     folder = agent_socket_path(run_environment.plan).parent
     folder.parent.mkdir(0o700, exist_ok=True)
     folder.mkdir(0o755, exist_ok=True)

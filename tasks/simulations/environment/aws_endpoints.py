@@ -105,7 +105,7 @@ def endpoint_variables(
 
 
 def without_refusal(variables: Mapping[str, str]) -> dict[str, str]:
-    """Removes the refusal of AWS from variables, for programs with AWS credentials of their own."""
+    """Returns variables without those that refuse AWS, for programs with AWS credentials of their own."""
     kept = {name: value for name, value in variables.items() if name != ALL_VARIABLE}
     if ALL_VARIABLE in variables and (paths := variables.get(DATA_VARIABLE)):
         kept[DATA_VARIABLE] = os.pathsep.join(

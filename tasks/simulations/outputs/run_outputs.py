@@ -361,7 +361,7 @@ def _size_of(path: Path) -> int:
 
 
 def _counted(visit: Visit, index: int, matched: set[int]) -> Visit:
-    """Wraps a visitor of files so that it also records the configuration that matched."""
+    """Returns a visitor of files that calls another one and also records the configuration that matched."""
 
     def counted(descriptor: int, name: str, below: str) -> None:
         matched.add(index)

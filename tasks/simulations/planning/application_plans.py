@@ -45,7 +45,7 @@ class RosLaunch:
 def with_ros_companions(
     programs: Sequence[ProgramPlan], ros: RosLaunch | None, run_environment: RunEnvironment, *, wants_topics: bool
 ) -> list[ProgramPlan]:
-    """Adds the programs that ROS launches need beside them, such as a ROS 1 master, to a run's programs.
+    """Returns a run's programs with those added that ROS launches need beside them, such as a ROS 1 master.
 
     Args:
         programs: Applications that are programs, and tools.

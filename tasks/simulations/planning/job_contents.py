@@ -59,7 +59,7 @@ class CurrentApplications:
         self._contents: dict[tuple[str, str, str], str] = {}
 
     def find(self, reference: str, role: ApplicationRole, version: str | None) -> Resource:
-        """Finds an application by ARN or name, or one version of it.
+        """Returns an application by ARN or name, or one version of it; each is looked up once.
 
         Raises:
             ResourceNotFoundException: The catalog has no such application or version.
@@ -275,7 +275,10 @@ def _content_of_plan(application: ApplicationPlan | None) -> str | None:
 
 
 def _content_of_policy(policy: str) -> str:
-    """Returns the hash of a policy's installed package; policy files of data sources are compared with these."""
+    """Returns the hash of a policy's installed package, "built in" for this package, empty if it is not known.
+
+    Policy files of data sources are compared with these.
+    """
     module = parse_policy(policy).module
     return _BUILT_IN if module is None else _code_of(module)
 

@@ -225,7 +225,7 @@ def _variables(document: SimulationJobDocument, sandbox: Sandbox, service: Servi
 
 
 def _with_begun_once(plan: RunPlan) -> RunPlan:
-    """Makes the only trial of a robot program an ordinary run with the values of its axes.
+    """Returns a plan in which the only trial of a robot program is an ordinary run with the values of its axes.
 
     The axes act in the simulation that the program drives; nothing has to be begun anew.
     """
