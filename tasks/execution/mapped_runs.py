@@ -137,7 +137,7 @@ Summary: TypeAlias = Callable[[Sequence[State[Any]]], str]
 
 
 def in_words(states: Sequence[State[Any]]) -> str:
-    """Summarises the failures of a map: `3 of 1000 items did not complete: 2 Failed, 1 TimedOut; item 17: ...`.
+    """Returns text about the failures of a map: `3 of 1000 items did not complete: 2 Failed, 1 TimedOut; item 17: ...`.
 
     If all items completed, the text says so.
     """
