@@ -155,7 +155,7 @@ class Catalog(CatalogLeases):
         return Resource(**row)
 
     def create_numbered(self, parent: str, make: Callable[[Resource, int], NewResource], *, most: int) -> Resource:
-        """Adds a child resource (such as a version) with its parent's next number, which no other caller gets.
+        """Adds and returns a child resource (such as a version) with its parent's next number, which no other gets.
 
         Args:
             parent: ARN of the resource they belong to; its document counts them in `lastNumber`.

@@ -143,7 +143,7 @@ _FILTERS = {"name": resources.c.name, "parent": resources.c.parent, "status": re
 
 
 def resource_of(row: RowMapping, **changes: Any) -> Resource:
-    """Makes a resource from a database row, with some values replaced."""
+    """Returns the resource that a database row holds, with some values replaced."""
     values = {column.name: row[column.name] for column in COLUMNS} | changes
     return Resource(**values)
 
@@ -159,7 +159,7 @@ def changed_one(result: Any) -> bool:
 
 
 def one_row(connection: Connection, arn: str, kind: str | None = None) -> RowMapping:
-    """Reads the database row of a resource, with its lease's owner.
+    """Returns the database row of a resource, with its lease's owner.
 
     Raises:
         ResourceNotFoundException: The catalog has no resource of this ARN and kind.
@@ -256,7 +256,7 @@ def has_member(name: str) -> ColumnElement[bool]:
 
 
 def only_members(query: Select[Any], members: Sequence[str]) -> Select[Any]:
-    """Changes a database query to read only a few members of each document."""
+    """Returns a database query that reads only a few members of each document."""
     columns = (column for column in COLUMNS if column is not resources.c.document)
     return query.with_only_columns(resources.c.sequence, *columns, picked(members))
 

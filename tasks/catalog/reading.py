@@ -59,11 +59,11 @@ class CatalogReader:
         self._clock = clock
 
     def reading(self) -> AbstractContextManager[Connection]:
-        """Opens a read transaction on the catalog's database, for tables of optional parts such as fleets."""
+        """Returns a read transaction on the catalog's database, to be entered, for optional tables such as fleets."""
         return self._transaction(self._engine)
 
     def writing(self) -> AbstractContextManager[Connection]:
-        """Opens a write transaction on the catalog's database, for tables of optional parts such as fleets."""
+        """Returns a write transaction on the catalog's database, to be entered, for optional tables such as fleets."""
         return self._transaction(self._writer)
 
     def close(self) -> None:
@@ -71,7 +71,7 @@ class CatalogReader:
         self._engine.dispose()
 
     def get(self, arn: str, kind: str | None = None) -> Resource:
-        """Reads a resource by its ARN.
+        """Returns the resource with an ARN.
 
         Args:
             arn: ARN of the resource.
@@ -84,7 +84,7 @@ class CatalogReader:
             return resource_of(one_row(connection, arn, kind))
 
     def get_many(self, arns: Iterable[str], members: Sequence[str] | None = None) -> dict[str, Resource]:
-        """Reads several resources by ARN; those that do not exist are left out.
+        """Returns several resources by their ARNs; those that do not exist are left out.
 
         Args:
             arns: ARNs of the resources.
@@ -102,7 +102,7 @@ class CatalogReader:
         return found
 
     def find_by_client_token(self, token: ClientToken | None, account: str) -> Resource | None:
-        """Finds the resource that an earlier call with the same client token created, if any.
+        """Returns the resource that an earlier call with the same client token created; `None` if there is none.
 
         Handlers ask this before they check anything else: a repeated call succeeds whatever has changed since.
 
@@ -196,7 +196,7 @@ class CatalogReader:
         members: Sequence[str] | None = None,
         without: Mapping[str, Collection[str]] = MappingProxyType({}),
     ) -> Page:
-        """Reads a page of a list of resources, newest first; resources added meanwhile do not shift later pages.
+        """Returns a page of a list of resources, newest first; resources added meanwhile do not shift later pages.
 
         Args:
             kinds: Kinds of the listed resources.
