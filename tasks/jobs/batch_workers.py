@@ -243,7 +243,7 @@ class AwaitedJobs:
         self._changed = threading.Condition()
 
     def look(self) -> None:
-        """Queries once which jobs of the batch have ended.
+        """Queries the catalog once which jobs of the batch have ended, and wakes the threads that wait for these.
 
         Raises:
             ServiceUnavailableException: The catalog does not answer.

@@ -271,7 +271,7 @@ class JobRun:
         return next_run
 
     def _note_attempt(self, run_id: str) -> None:
-        """Records a further attempt of a run.
+        """Records in the job a further attempt of its run.
 
         Resets the count of dead job workers if the last attempt made progress.
         """

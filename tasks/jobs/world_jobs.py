@@ -92,7 +92,7 @@ def move_on(lease: Lease, event: str, changes: WorldJobProgress | None = None) -
 
 
 def end_canceled(lease: Lease, changes: WorldJobProgress | None = None) -> None:
-    """Ends a job as cancelled.
+    """Sets a job's final status to canceled.
 
     Raises:
         StateConflictError: The job has ended, or its lease was lost.

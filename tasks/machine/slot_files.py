@@ -93,7 +93,7 @@ class SlotFiles:
 
 
 def _holder(text: bytes) -> Holder:
-    """Reads the job in a slot from the slot's file.
+    """Returns the job that holds a slot, read from the slot's file.
 
     It has no details if an earlier version wrote the file, or while the file is being written.
     """

@@ -54,7 +54,7 @@ class ResultTable:
 
     @classmethod
     def of(cls, jobs: Sequence[JobRecord], trials: TrialsOf | None = None) -> "ResultTable":
-        """Makes the results table of some jobs.
+        """Makes and returns the results table of some jobs, with a row for each trial.
 
         A job that failed between two trials has a row of its own for that, in addition to its trials' rows.
 

@@ -48,7 +48,7 @@ def why_kept(candidates: Iterable[Candidate], policy: RetentionPolicy, now: date
 
 
 def named_by(names: Mapping[str, Set[str]], kept: Set[str]) -> dict[str, str]:
-    """Returns for each name which kept item refers to it.
+    """Returns for each id that kept items refer to one of these items, the first by its own id.
 
     Args:
         names: Ids that each names, by id.

@@ -94,7 +94,7 @@ class Patience:
                 return
 
     def _is_stopped(self) -> bool:
-        """Whether to stop waiting.
+        """Whether the caller wants to stop waiting for the object store.
 
         If the catalog, which knows whether a job was cancelled, does not answer either, it is asked again at once.
         """

@@ -71,7 +71,7 @@ def name_of_job(document: SimulationJobDocument | JobInBrief) -> str:
 
 
 def find_world(wanted: str, service: Service, besides: str = "") -> Resource:
-    """Finds the world that a person means.
+    """Returns the world that a person means by a text.
 
     Of worlds of one name that are the same to the letter, the newest is taken.
 
@@ -89,7 +89,7 @@ def find_world(wanted: str, service: Service, besides: str = "") -> Resource:
 
 
 def find_job(wanted: str, service: Service, besides: str = "") -> Resource:
-    """Finds the simulation job that a person means.
+    """Returns the simulation job that a person means by a text.
 
     Args:
         wanted: ARN, id or its beginning (`sim-8285`), name (`scout in flat 3`), or run and name (`latest/scout in …`).
@@ -105,7 +105,7 @@ def find_job(wanted: str, service: Service, besides: str = "") -> Resource:
 
 
 def find_by_id(wanted: str, kinds: Sequence[Kind], service: Service, besides: str = "") -> Resource:
-    """Finds the job or batch that a person means by its ARN, its id, or the beginning of the id.
+    """Returns the job or batch that a person means by its ARN, its id, or the beginning of the id.
 
     Args:
         wanted: ARN, id or its beginning.

@@ -203,7 +203,7 @@ def job_document(
     batch: tuple[str, int] | None = None,
     applications: CurrentApplications | None = None,
 ) -> SimulationJobDocument:
-    """Makes the catalog document of a new simulation job.
+    """Returns the document of a new simulation job, as the catalog stores it.
 
     Args:
         request: Request of a single job, or of one in a batch.

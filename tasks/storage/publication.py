@@ -287,7 +287,7 @@ def thin(store: ObjectStore, bucket: str, prefix: str, keep: Callable[[str], boo
 
 
 def finish_thinning(store: ObjectStore, bucket: str, prefix: str) -> None:
-    """Completes an interrupted call of `thin`.
+    """Completes an interrupted deletion of some published files (`thin`), if there is one.
 
     Args:
         store: The object store.

@@ -214,7 +214,7 @@ class ActionLogWriter:
     """
 
     def __init__(self, path: Path, header: ActionLogHeader) -> None:
-        """Creates an action log.
+        """Creates the file of an action log, and writes its header.
 
         Args:
             path: Path of the log; an existing file is replaced.

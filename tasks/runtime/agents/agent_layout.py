@@ -69,7 +69,7 @@ class Layout:
     """
 
     def __init__(self, spec: Any, header_bytes: int) -> None:
-        """Computes the positions of a spec's arrays in a message.
+        """Computes the positions of the arrays of an observation's or action's spec in a message.
 
         Args:
             spec: A dm_env spec, or nested mappings and sequences of dm_env specs.

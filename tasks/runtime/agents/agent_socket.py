@@ -84,7 +84,7 @@ class AgentSocket:
     """Unix socket on which a simulation waits for its robot program; its file is deleted by `close`."""
 
     def __init__(self, plan: RunPlan, name: str = AGENT_SOCKET) -> None:
-        """Opens the socket and listens.
+        """Opens a run's Unix socket for its robot program, and listens on it.
 
         Args:
             plan: Plan of the run.
@@ -183,7 +183,7 @@ class AgentLink:
     def __init__(
         self, connection: socket.socket, limits: dict[int, int], stop: Stop, clock: Clock = time.monotonic
     ) -> None:
-        """Takes over an accepted connection.
+        """Takes over an accepted connection of a robot program.
 
         Args:
             connection: Socket of the accepted connection.

@@ -25,7 +25,7 @@ class RecordedRobot(Observer):
     next_time_s = math.inf
 
     def __init__(self, recorded: RecordedActions, robot: str) -> None:
-        """Opens the recorded actions.
+        """Opens the recorded actions of a robot program, to play them back.
 
         Args:
             recorded: The actions, and how the run ended.

@@ -58,7 +58,7 @@ class RemoteAgent:
         control_timestep_s: float | None = None,
         keep: Callable[[bytes], None] | None = None,
     ) -> None:
-        """Takes over a connection after the handshake.
+        """Takes over the connection to a robot program after the handshake.
 
         Args:
             link: Connection to the robot program.
@@ -257,7 +257,7 @@ class RemoteRobot(Observer):
     next_time_s = math.inf
 
     def __init__(self, plan: RunPlan, robot: str, stop: Stop, nodes: RobotNodes | None = None) -> None:
-        """Opens the socket for the robot program.
+        """Opens the socket to which the robot program is to connect.
 
         Args:
             plan: Plan of the run.

@@ -58,7 +58,7 @@ class RecordedRun(dm_env.Environment):
         *,
         calls_functions: bool = True,
     ) -> None:
-        """Opens the recording.
+        """Opens the ROS recording that is to be replayed and judged.
 
         Args:
             path: The recording's file; see `find_recording`.

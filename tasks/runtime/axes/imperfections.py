@@ -117,7 +117,7 @@ class OdometryDrift(KeepsAttributes):
     KEPT = ("_error", "_last")
 
     def __init__(self, errors: OdometryErrors, chance: np.random.Generator) -> None:
-        """Starts without an error.
+        """Prepares the drift of a robot's odometry, which begins without an error.
 
         Args:
             errors: The errors, as they are now.
@@ -192,7 +192,7 @@ class ScaledController:
     """Controller that multiplies commands by factors and passes them to another controller."""
 
     def __init__(self, controller: _Controller, gains: CommandGains) -> None:
-        """Creates the controller with the present factors.
+        """Creates a controller that multiplies commands by the present factors.
 
         Args:
             controller: Controller that executes the commands.
@@ -222,7 +222,7 @@ class DelayedController(KeepsAttributes):
     substep: Callable[[], None] | None
 
     def __init__(self, controller: _Controller, delay_s: float) -> None:
-        """Creates the controller without waiting commands.
+        """Creates a controller that delays commands, of which none wait yet.
 
         Args:
             controller: Controller that executes the commands.

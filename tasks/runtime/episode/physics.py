@@ -129,7 +129,7 @@ class ClearanceMeter:
         others: NDArray[np.bool_],
         names: Sequence[str],
     ) -> None:
-        """Prepares the measurement.
+        """Prepares to measure the distance between a robot and other objects.
 
         Args:
             model: The compiled world with the robot.
@@ -223,7 +223,7 @@ class ContactForces:
         *,
         is_stale: bool = False,
     ) -> None:
-        """Determines the geoms of the robot and of other objects.
+        """Determines the geoms of the robot and of other objects, whose contact forces are read later.
 
         Args:
             model: The compiled world with the robot.

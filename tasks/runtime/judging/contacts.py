@@ -18,7 +18,7 @@ class Contacts:
     """Contact forces from recorded topics: the largest force of each object since the last check."""
 
     def __init__(self, topics: Sequence[str], types: Mapping[str, Set[str]], sources: RecordingSources) -> None:
-        """Prepares to read contacts.
+        """Prepares to read contacts from topics of a ROS recording.
 
         Args:
             topics: Topics with contacts.

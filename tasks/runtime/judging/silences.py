@@ -11,7 +11,7 @@ class Source:
     """A source of measurements (topic) in a recording, with the longest time that it was silent."""
 
     def __init__(self, name: str, max_gap_s: float) -> None:
-        """Starts to listen at the beginning of the run.
+        """Prepares a topic whose silences are measured from the beginning of the run.
 
         Args:
             name: Name of the topic, for messages.

@@ -37,7 +37,7 @@ class Measurements:
     """
 
     def __init__(self, bag: Bag, sources: RecordingSources, losses: Mapping[str, str] | None = None) -> None:
-        """Finds the topics of the measurements.
+        """Finds the topics of a ROS recording by which a robot is measured.
 
         Args:
             bag: The recording.
@@ -483,7 +483,7 @@ class TopicScene:
         *,
         calls_functions: bool,
     ) -> None:
-        """Creates the scene of a recording.
+        """Creates the scene in which requirements are measured on a ROS recording.
 
         Args:
             environment: Environment that replays the recording.

@@ -38,7 +38,7 @@ class PathNote(Observer):
     """Observer that writes the robot's path to a file for the live view, at most twice a second."""
 
     def __init__(self, work_dir: Path, clock: Callable[[], float] = time.monotonic) -> None:
-        """Creates the path file's writer.
+        """Prepares to write the robot's path to a file for the live view.
 
         Args:
             work_dir: Work folder of the run.

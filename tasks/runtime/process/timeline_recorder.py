@@ -78,7 +78,7 @@ class TimelineRecorder(Observer):
         requirements: RequirementsObserver,
         film: Callable[[], dict[str, FilmTimes]] = dict,
     ) -> None:
-        """Creates the recorder.
+        """Prepares to note a run's timeline, which `close` writes.
 
         Args:
             output_dir: Folder of the run's outputs.

@@ -352,7 +352,7 @@ class RowEncoder:
     """Encodes many ROS messages of fixed size at once: one message on each channel for each time."""
 
     def __init__(self, columns: Sequence[tuple[int, Columns]]) -> None:
-        """Prepares the layout.
+        """Prepares the layout of rows of encoded ROS messages, one message for each channel.
 
         Args:
             columns: Channel number and message template of each message in a row.

@@ -125,7 +125,7 @@ class McapFile:
         chunk_bytes: int,
         take_rows: Callable[[], Iterable[Rows]] = tuple,
     ) -> None:
-        """Writes the beginning of the file.
+        """Writes the beginning of an MCAP file to a stream.
 
         Args:
             stream: Stream to write to.

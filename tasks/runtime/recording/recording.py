@@ -105,7 +105,7 @@ class McapRecorder(Recorder):
     enabled: bool = True
 
     def __init__(self, path: Path, *, resume: bool = False) -> None:
-        """Opens the file.
+        """Opens the MCAP file that the run's messages are recorded to.
 
         Args:
             path: Path of the file; an existing one is replaced.

@@ -165,7 +165,7 @@ class GlCamera:
         backend: str | None = None,
         appearance: Appearance | None = None,
     ) -> None:
-        """Creates the renderer.
+        """Creates an OpenGL renderer of a model, with a context of its own.
 
         Args:
             model: Compiled model; its visual settings are restored afterwards.

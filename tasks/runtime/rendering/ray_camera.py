@@ -45,7 +45,7 @@ class RayCamera:
     """
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
-        """Computes the colours of the geoms.
+        """Computes the colours of a model's geoms, for pictures that are made by casting rays.
 
         Args:
             model: The model.

@@ -106,7 +106,7 @@ class FollowView:
     """
 
     def __init__(self, model: mujoco.MjModel, body: int, camera: int | None = None) -> None:
-        """Prepares the view.
+        """Prepares a camera view that follows a robot.
 
         Args:
             model: The model.
@@ -195,7 +195,7 @@ class TopView:
     """Camera view straight down that frames all fixed geoms, or that follows the robot if the world has none."""
 
     def __init__(self, model: mujoco.MjModel, aspect: float) -> None:
-        """Prepares the view; positions are read from the first state.
+        """Prepares a camera view from above; positions are read from the first state.
 
         Args:
             model: The model.

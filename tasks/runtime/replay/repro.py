@@ -79,7 +79,7 @@ class Reproduction:
     """A folder with everything to repeat a run, written by `write_reproduction`, which can be run again."""
 
     def __init__(self, folder: Path) -> None:
-        """Opens the folder.
+        """Opens the reproduction folder of a run, and reads what is to be repeated.
 
         Args:
             folder: Path of the folder; it may have been moved, also to another machine.

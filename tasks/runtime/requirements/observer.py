@@ -30,7 +30,7 @@ class RequirementsObserver(Observer):
     """
 
     def __init__(self, plan: RunPlan, world: World | None = None) -> None:
-        """Prepares the checks.
+        """Prepares to check a run's requirements, which begins with its first step.
 
         Args:
             plan: Plan of the run; its requirements replace those of the environment with the same names.

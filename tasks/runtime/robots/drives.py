@@ -24,7 +24,7 @@ class VelocityController(KeepsAttributes):
     substep: Callable[[], None] | None = None
 
     def __init__(self, limits: Limits, move: Callable[[float, float], None]) -> None:
-        """Starts with the robot standing still.
+        """Creates the controller of a robot that stands still.
 
         Args:
             limits: Velocity and acceleration limits of the robot.

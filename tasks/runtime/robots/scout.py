@@ -134,7 +134,7 @@ def _add_slides(base: mujoco.MjsBody) -> None:
 
 
 def _add_wheel(spec: mujoco.MjSpec, base: mujoco.MjsBody, name: str, y: float) -> None:
-    """Adds a driven wheel.
+    """Adds a driven wheel to the base of the robot Scout.
 
     It touches the floor as a sphere: one contact point, at a known distance from the centre, on any kind of floor. The
     visible tyre is a cylinder.

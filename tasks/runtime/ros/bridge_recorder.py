@@ -80,7 +80,7 @@ class BridgeRecorder(Recorder):
         return self._inner.topics
 
     def attach(self, wire: Wire, names: Mapping[str, str], frames: Frames, hidden_frames: Collection[str]) -> None:
-        """Begins to publish messages to ROS nodes.
+        """Begins to publish the recorder's messages to ROS nodes.
 
         Args:
             wire: Connection to the nodes.
@@ -96,7 +96,7 @@ class BridgeRecorder(Recorder):
         self._after_states.clear()
 
     def note_heard(self, heard: Collection[str], *, spares: bool) -> None:
-        """Sets the topics that nodes subscribe to.
+        """Sets the topics that ROS nodes subscribe to, as they were found.
 
         Args:
             heard: Topics, by the names that nodes use.

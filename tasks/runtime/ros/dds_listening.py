@@ -93,7 +93,7 @@ class Listener:
     """DDS participant that finds and subscribes all topics of a domain for recording, without being a ROS node."""
 
     def __init__(self, domain: int, reach: Reach) -> None:
-        """Joins a ROS 2 domain.
+        """Joins a ROS 2 domain, to listen to all of its topics.
 
         Raises:
             LaunchError: The domain cannot be joined; the message says why.

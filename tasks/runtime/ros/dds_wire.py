@@ -18,7 +18,7 @@ class DdsWire:
     """Connection from the simulation to the ROS 2 nodes of one domain over DDS: an implementation of `Wire`."""
 
     def __init__(self, domain: int, reach: Reach, *, is_reliable: bool = False) -> None:
-        """Stores the settings; nothing is announced before `open`.
+        """Stores the settings of a connection to ROS 2 nodes; nothing is announced before `open`.
 
         Args:
             domain: ROS 2 domain id of the nodes.

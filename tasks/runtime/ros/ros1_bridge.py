@@ -87,7 +87,7 @@ class Link:
     """Connection from the ROS 1 bridge process to the simulation; `Gone` is raised once the simulation closes it."""
 
     def __init__(self, path: str) -> None:
-        """Connects to the simulation's socket.
+        """Connects the ROS 1 bridge process to the simulation's socket.
 
         Raises:
             OSError: The simulation does not listen on the socket.
@@ -200,7 +200,7 @@ class Meeting:
     """Waits for both the simulation and the ROS 1 master, and reports which is missing."""
 
     def __init__(self, path: str, uri: str) -> None:
-        """Stores the addresses.
+        """Stores the addresses of the simulation and of the ROS 1 master, which are waited for later.
 
         Args:
             path: Path of the simulation's socket.

@@ -45,7 +45,7 @@ class Ros1Wire:
     """Connection from the simulation to ROS 1 nodes, through a bridge process: an implementation of `Wire`."""
 
     def __init__(self, plan: RunPlan) -> None:
-        """Stores the settings; the socket is opened by `open`.
+        """Stores a run's settings for ROS 1; the socket for the bridge process is opened by `open`.
 
         Args:
             plan: Plan of the run, in whose folder the socket is.

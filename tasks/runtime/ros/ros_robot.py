@@ -66,7 +66,7 @@ class RosBridge:
     """ROS bridge of a run: publishes the simulation's topics, and makes an agent that ROS nodes drive."""
 
     def __init__(self, plan: RunPlan, robot: str, recorder: Recorder, clock: Callable[[], float] = time.monotonic):
-        """Stores the settings; nothing is announced yet.
+        """Stores a run's settings for its ROS bridge; nothing is announced yet.
 
         Args:
             plan: Plan of the run, including the ROS bridge's.

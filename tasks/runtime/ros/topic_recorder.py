@@ -200,7 +200,7 @@ class TopicRecorder:
         self._said: RecorderReport | None = None
 
     def run(self, is_stopped: Callable[[], bool]) -> None:
-        """Records until stopped.
+        """Records all topics of the ROS 2 domain until it is stopped.
 
         Raises:
             OSError: The file cannot be written.
@@ -212,7 +212,7 @@ class TopicRecorder:
             self.look()
 
     def close(self) -> None:
-        """Writes pending messages, and completes the file.
+        """Writes pending messages, and completes the recording and its report.
 
         Raises:
             OSError: The file cannot be written.

@@ -77,7 +77,7 @@ class PackageFiles:
     """Type definitions in `.msg` and `.srv` files of packages, searched on first use."""
 
     def __init__(self, folders: Sequence[Path]) -> None:
-        """Stores the folders, without searching them yet.
+        """Stores the folders in which ROS packages may be, without searching them yet.
 
         Args:
             folders: Folders of bundles and ROS installations, with packages at any depth; the first that has a package
@@ -162,7 +162,7 @@ class PackageFiles:
 
 
 def _read(path: Path) -> str:
-    """Reads a definition file.
+    """Returns the text of a ROS definition file.
 
     Raises:
         OSError: The path is not a regular file, or the file is too large.

@@ -150,7 +150,7 @@ def checkpoints_in(folder: Path) -> list[Path]:
 
 
 def payload_of(path: Path, header: CheckpointHeader) -> bytes:
-    """Reads the content of a checkpoint after its header.
+    """Reads and returns the content of a checkpoint after its header, after checking it.
 
     Raises:
         CheckpointError: The checkpoint is incomplete.
@@ -194,7 +194,7 @@ class TrialCheckpoints:
     """Checkpoints of a run with trials (the number of finished trials), in a folder that is locked for this process."""
 
     def __init__(self, plan: RunPlan) -> None:
-        """Locks the checkpoint folder.
+        """Locks the checkpoint folder of a run with trials for this process.
 
         Args:
             plan: Plan of the run.

@@ -157,7 +157,7 @@ class Checkpointer:
         plan: RunPlan,
         rng: np.random.Generator,
     ) -> None:
-        """Locks the checkpoint folder.
+        """Locks a run's checkpoint folder for this process, and looks for the last checkpoint.
 
         Args:
             plan: Plan of the run, with a `checkpoint_dir`.

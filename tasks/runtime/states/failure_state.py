@@ -41,7 +41,7 @@ class FailureRecorder(Observer):
     """Observer that counts MuJoCo's warnings, and stores the state if the physics breaks."""
 
     def __init__(self, output_dir: Path, keep_every_s: float = KEEP_EVERY_S) -> None:
-        """Starts without stored states.
+        """Prepares to store states before a failure of the physics; none is stored yet.
 
         Args:
             output_dir: Folder for `failure-state.json`, `failure-state.npy` and `failure-model.mjb`.

@@ -49,7 +49,7 @@ class ProvenanceRecorder(Observer):
     def __init__(
         self, plan: RunPlan, applications: Sequence[ApplicationPlan] = (), actions: Actions | None = None
     ) -> None:
-        """Starts the provenance of a run.
+        """Prepares the provenance of a run, and the hash chain over its states.
 
         Args:
             plan: Plan of the run.

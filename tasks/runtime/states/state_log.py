@@ -204,7 +204,7 @@ class StateLogWriter:
     """Writer of a run's state log; logged states survive a killed process."""
 
     def __init__(self, folder: Path, rate_hz: float, camera: str | None = None) -> None:
-        """Creates a log.
+        """Begins a state log in a folder, in which an earlier log is overwritten.
 
         Args:
             folder: Folder of the log; it is created if missing.
@@ -228,7 +228,7 @@ class StateLogWriter:
         self._log: BinaryIO = (folder / STATES_FILE).open("wb", buffering=0)
 
     def note(self, model: mujoco.MjModel, data: mujoco.MjData, time_s: float) -> None:
-        """Logs a state.
+        """Adds the present state of a simulation to the state log.
 
         Args:
             model: Compiled model; stored the first time, and when it has changed.
@@ -321,7 +321,7 @@ class StateLogger(Observer):
     """
 
     def __init__(self, folder: Path, rate_hz: int) -> None:
-        """Prepares a log; nothing is written before the first state.
+        """Prepares to log a run's states; nothing is written before the first state.
 
         Args:
             folder: Folder of the log.

@@ -105,7 +105,7 @@ class Supervision:
     # Beginning
 
     def prepare(self) -> None:
-        """Opens ports and logs, before any process starts.
+        """Opens forwarded ports and logs of the run, before any process starts.
 
         Raises:
             LaunchError: A port is taken.
@@ -359,7 +359,7 @@ class Supervision:
             self._progress.request_stop(AGENT_GONE)
 
     def finish(self) -> Exit:
-        """Ends all processes of the run, and cleans up.
+        """Ends all processes of the run, cleans up after them, and closes its logs.
 
         Returns:
             End of the run as observed.

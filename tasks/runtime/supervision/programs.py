@@ -163,7 +163,7 @@ class Program:
         return self.ended is not None
 
     def start(self) -> None:
-        """Starts the program.
+        """Starts the run's program as a process of its own, with its logs.
 
         Raises:
             StartError: The program does not exist, or cannot be executed.

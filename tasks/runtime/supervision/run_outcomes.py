@@ -109,7 +109,7 @@ class Outcome:
 def decide_outcome(
     ended: Exit | None, stopped_for: RunStop | None, plan: RunPlan, log: tuple[str, Sequence[str]] = ("", ())
 ) -> Outcome:
-    """Determines the outcome of a run from its end.
+    """Returns the outcome of a run (status, failure code and reason), decided from its end.
 
     Args:
         ended: Observed end of the run; None if its supervisor disappeared without a message.

@@ -26,7 +26,7 @@ class AxisParts:
         self._listed: Mapping[Value, int] = {value: place for place, value in enumerate(axis.listed or ())}
 
     def part(self, value: Value | None) -> Part:
-        """Returns the part to which a value belongs.
+        """Returns the part of the axis to which a value belongs: its index and description.
 
         Args:
             value: Value of the axis; None: the cell has none.

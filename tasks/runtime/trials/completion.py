@@ -59,7 +59,7 @@ class TrialJournal:
         self._file.truncate(size_bytes)
 
     def append(self, row: TrialRow) -> None:
-        """Appends a finished trial.
+        """Appends a finished trial's row to the journal file.
 
         Raises:
             OSError: The row cannot be written, such as on a full disk.

@@ -119,7 +119,7 @@ class Tally:
         return self.rows >= self._trials.count
 
     def summary(self, recorded: list[int]) -> TrialsSummary:
-        """Returns the summary of the trials.
+        """Returns the summary of the job's trials for its result: counts by verdict, cell and axis.
 
         Args:
             recorded: Numbers of the trials that have an output folder.

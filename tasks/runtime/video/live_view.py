@@ -94,7 +94,7 @@ class LiveFrames:
             self._changed.notify_all()
 
     def next_after(self, number: int, timeout_s: float) -> tuple[int, bytes]:
-        """Waits for a new picture of the live view.
+        """Waits for a new picture of the live view, and returns it.
 
         Args:
             number: Number of the image that the caller has; 0: none.

@@ -130,7 +130,7 @@ class ViewRenderer:
             self._camera = GlCamera(model, width, height, backend, lit or None)
 
     def aim(self, name: str | None, said_by: str) -> None:
-        """Switches to another camera.
+        """Switches the renderer to another camera of its model.
 
         Args:
             name: Name of the view; see `views.choose_views`.
@@ -236,7 +236,7 @@ class VideoWatcher(Observer):
             self._give_up()
 
     def close(self, ended_by: str | None) -> Findings:
-        """Finishes the video files.
+        """Finishes the video file and its poster, the picture that stands for it.
 
         Args:
             ended_by: Cause of the run's end; None if it failed. The video is finished in any case.

@@ -26,7 +26,7 @@ def key_of(etag: str) -> str:
 
 
 def is_kept(etag: str, service: Service) -> bool:
-    """Whether the archive of an ETag is kept.
+    """Whether the archive of an ETag is among the kept archives.
 
     Raises:
         StorageError: The store does not answer.
@@ -58,7 +58,7 @@ def keep(etag: str, fetch: Callable[[Path], ObjectInfo], service: Service) -> No
 
 
 def put(etag: str, archive: Path, service: Service) -> None:
-    """Stores an archive under its ETag.
+    """Stores an application's archive under its ETag among the kept archives.
 
     Raises:
         StorageError: It cannot be stored.

@@ -90,7 +90,7 @@ class RunOutputs:
         return SimulationJobDocument.of(self._job).request
 
     def prepare(self) -> None:
-        """Checks before a long run that its outputs can be uploaded.
+        """Checks, before a long run begins, that its outputs can be uploaded.
 
         Raises:
             LaunchError: The bucket does not exist, the job's role may not write to it, or the role does not exist.
@@ -234,7 +234,7 @@ class RunOutputs:
         return [file for file in found if file.path.is_file() and not _is_linked(file.path)]
 
     def were_stored(self, stopped: Stopped = never) -> None:
-        """Checks that the outputs were uploaded completely.
+        """Checks that the run's outputs were uploaded completely.
 
         Args:
             stopped: See `store`.

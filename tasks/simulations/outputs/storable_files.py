@@ -66,7 +66,7 @@ class LeftOut:
         return [f"'{each['path']}' is not stored: it {each['why']}" for each in self._named]
 
     def note(self, name: str, why: str, size_bytes: int = 0) -> None:
-        """Records a file that is not uploaded.
+        """Records an output file that is not uploaded, with the reason.
 
         Args:
             name: Path of the file among the outputs.

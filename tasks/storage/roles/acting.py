@@ -104,7 +104,7 @@ class Roles:
         return replace(self, read_block=read_block)
 
     def store_of(self, arn: str) -> ObjectStore:
-        """Returns the object store with a role's access.
+        """Returns the object store as a role may access it.
 
         Args:
             arn: The role, as the request names it.

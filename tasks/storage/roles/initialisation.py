@@ -255,7 +255,7 @@ class IamUsers:
         return made["AccessKeyId"], made["SecretAccessKey"]
 
     def ask(self, doing: str, call: Any, expected: str = "") -> Any:
-        """Calls the server.
+        """Calls the IAM interface of the S3 server, and returns its answer.
 
         Args:
             doing: Description of the action, for errors.

@@ -39,7 +39,7 @@ def read_roles_file(path: Path) -> tuple[Role, ...]:
 
 
 def parse_roles(text: str, where: str) -> tuple[Role, ...]:
-    """Parses the text of a roles file (TOML).
+    """Parses the text of a roles file (TOML), and returns its roles.
 
     Args:
         text: TOML.

@@ -142,7 +142,7 @@ class S3Store:
         self._downloads = create_transfer_manager(self._client, downloads)
 
     def ensure_bucket(self, bucket: str) -> None:
-        """Creates the bucket unless it exists.
+        """Creates a bucket on the S3 server unless it exists.
 
         Raises:
             StorageAccessDeniedError: The credentials may not even ask; the bucket may exist all the same.

@@ -28,7 +28,7 @@ class Fan:
     """Evenly spaced lidar rays over 360 degrees, in a horizontal plane."""
 
     def __init__(self, count: int, first_rad: float) -> None:
-        """Computes the ray directions.
+        """Computes the directions of evenly spaced lidar rays.
 
         Args:
             count: Number of rays over 360 degrees.
@@ -152,7 +152,7 @@ class Faces:
     """Vertical sides of box-shaped obstacles, of which the distances along a lidar's rays are computed."""
 
     def __init__(self, boxes: Places, range_max_m: float) -> None:
-        """Selects the sides that a ray can hit.
+        """Selects the sides of box-shaped obstacles that a lidar's ray can hit.
 
         Args:
             boxes: Corners of the boxes from above, shape (n, 4), clockwise.
@@ -198,7 +198,7 @@ class Columns:
     """Vertical cylinders as obstacles, by which a lidar's rays are shortened."""
 
     def __init__(self, centers: Places, radii_m: Floats, range_max_m: float) -> None:
-        """Stores the cylinders.
+        """Stores the vertical cylinders that a lidar's rays may hit.
 
         Args:
             centers: Centres of the circles from above.

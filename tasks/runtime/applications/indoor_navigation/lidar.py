@@ -33,7 +33,7 @@ class RangeFinder:
         range_max_m: float,
         hidden_group: int | None = None,
     ) -> None:
-        """Prepares the buffers.
+        """Prepares a simulated lidar, with memory for its measurements.
 
         Args:
             model: The compiled world with the robot.

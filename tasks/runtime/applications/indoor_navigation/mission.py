@@ -201,7 +201,7 @@ class CollisionMonitor(KeepsAttributes):
         furniture_ids: Sequence[str] = (),
         on_touch: Callable[[], None] | None = None,
     ) -> None:
-        """Looks up the bodies and geoms.
+        """Looks up the robot's bodies and geoms, whose collisions are detected from now on.
 
         Args:
             model: The compiled world with the robot.

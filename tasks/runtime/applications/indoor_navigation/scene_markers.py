@@ -69,7 +69,7 @@ class ContactMarkers:
         robot_body_id: int,
         furniture_ids: Sequence[str],
     ) -> None:
-        """Looks up the bodies and geoms.
+        """Looks up the robot's bodies and geoms, whose contacts are to be drawn.
 
         Args:
             recorder: Recorder that gets the markers.

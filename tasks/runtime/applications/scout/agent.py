@@ -184,7 +184,7 @@ class Scout(KeepsAttributes):
         recorder: Recorder | None = None,
         lidar: Lidar = LIDAR,
     ) -> None:
-        """Creates the agent of a run.
+        """Creates the built-in robot program for one run, before its first time step.
 
         Args:
             known: Occupancy map of the world.

@@ -127,7 +127,7 @@ class GridPlanner:
     """
 
     def __init__(self, known: OccupancyMap, radius_m: float) -> None:
-        """Computes the grid of the map without extra obstacles.
+        """Computes the clearance of the map's cells, without obstacles that are not on the map.
 
         Args:
             known: Occupancy map.

@@ -43,7 +43,7 @@ _NO_HOME = {"HOME": "/nonexistent"}
 
 
 def read_sdf(path: Path, root: Path, reading: UrdfReading) -> mujoco.MjSpec:
-    """Makes a MuJoCo model of a robot in SDF.
+    """Makes and returns the MuJoCo model, not compiled yet, of a robot in SDF.
 
     Args:
         path: Path of the file with a `<model>`.

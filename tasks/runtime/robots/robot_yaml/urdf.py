@@ -109,7 +109,7 @@ class UrdfReading:
 
 
 def read_urdf(robot: Located, path: Path, root: Path, reading: UrdfReading | None = None) -> mujoco.MjSpec:
-    """Makes a MuJoCo model of a URDF.
+    """Makes and returns the MuJoCo model, not compiled yet, of a robot in URDF.
 
     Args:
         robot: Document of the URDF; changed in place.
