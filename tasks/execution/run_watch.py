@@ -153,7 +153,11 @@ class RunWatch:
             self._changed.wait_for(lambda: not self._runs or self._runs.keys() - known.keys(), _LOOK_S)
 
     def _note_answer(self, error: Exception | None) -> None:
-        """Logs once that the server does not answer: Prefect's own client tries for a minute before it logs that."""
+        """Counts the looks without an answer of the Prefect server, and logs once that it does not answer.
+
+        An answer (`None` as the error) sets the count to 0. Prefect's own client tries for a minute before it logs
+        that.
+        """
         self._misses = 0 if error is None else self._misses + 1
         if self._misses == _MOST_MISSES and self.tells_of_silence:
             url = PREFECT_API_URL.value()

@@ -92,7 +92,7 @@ def move_on(lease: Lease, event: str, changes: WorldJobProgress | None = None) -
 
 
 def end_canceled(lease: Lease, changes: WorldJobProgress | None = None) -> None:
-    """Sets a job's final status to canceled.
+    """Sets the status of a world generation or export job to canceled, and adds changes, if any, to its document.
 
     Raises:
         StateConflictError: The job has ended, or its lease was lost.

@@ -292,7 +292,10 @@ class MachineSlots:
             self._watch(self._shown)
 
     def _write(self, name: str, wait: Wait | None, now_s: float) -> None:
-        """Writes the record by which other processes see that this batch waits for a slot."""
+        """Writes the record by which other processes see that this batch waits for a slot; not at every call.
+
+        It is written if the last one is old, or has another reason; `None` as the wait: without a reason.
+        """
         why = wait.text if wait else None
         if self._written is None or now_s - self._written[0] >= WRITE_EVERY_S or why != self._written[1]:
             self._waiters.write(self._ticket, self._record(name, why), now_s)

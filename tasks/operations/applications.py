@@ -156,7 +156,7 @@ def revision(resource: Resource) -> dict[str, Any]:
 
 
 def check_revision(wanted: str | None, document: ApplicationDocument) -> None:
-    """Checks that an application still has the revision id that a request expects.
+    """Checks that an application still has the revision id that a request expects; does nothing if it expects none.
 
     Raises:
         InvalidParameterException: The application has another revision id; the message names it.

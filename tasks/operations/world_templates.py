@@ -183,7 +183,8 @@ def delete_world_template(request: DeleteWorldTemplateRequest, service: Service)
 def _checked_body(text: str | None, location: TemplateLocation | None, service: Service) -> TemplateBody:
     """Checks a template body, given as text or by its place, and returns the document members that depend on it.
 
-    Raises `InvalidParameterException` if it is invalid, or if it has extensions that the settings refuse.
+    Raises `InvalidParameterException` if it is invalid, or if it has extensions that the settings refuse. The place is
+    read if the text is absent or empty.
     """
     given = text or _read_body(location, service)
     body = parse_template_body(given)

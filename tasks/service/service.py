@@ -279,7 +279,9 @@ class Service:
         return replace(self, store=PatientStore(at_once(self.store), patience))
 
     def acting_as(self, role: str | None) -> "Service":
-        """Returns the same service with the object-store credentials of an access role.
+        """Returns the service with the object-store credentials of an access role.
+
+        Returns this service unchanged if it has no roles, or the role is `None`.
 
         Args:
             role: ARN of the role, as a request names it.

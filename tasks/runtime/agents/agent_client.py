@@ -473,6 +473,8 @@ def connect(
 ) -> Simulation:
     """Connects a robot program to its simulation, and returns the connection once both have greeted.
 
+    Waits until the simulation listens.
+
     Args:
         path: Path of the simulation's Unix socket; default: the environment variable `ROBOMAKER_AGENT_SOCKET`.
         mode: `lockstep`: the simulation waits for an action after each observation. `free`: after the first action the

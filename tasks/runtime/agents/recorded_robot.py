@@ -78,7 +78,10 @@ class RecordedRobot(Observer):
         """Returns `None`: a rerun records no actions."""
 
     def close(self, ended_by: str | None) -> Findings:
-        """Returns the findings about the robot for the run's result: mode, and number of played back actions."""
+        """Returns the findings about the robot for the run's result: mode, and number of played back actions.
+
+        The reason of the run's end does not matter.
+        """
         del ended_by
         return Findings(extra={"agent": {"mode": "recorded", "actions": self._taken}})
 

@@ -242,6 +242,8 @@ class RobotNodes(OtherInterface, Protocol):
     def close(self, ended_by: str | None = None) -> Findings:
         """Disconnects from the ROS nodes, and returns findings about them for the run's result.
 
+        The run did not end normally if the reason of its end is `None` or a `RunStop`.
+
         Raises:
             LaunchError: The run ended normally, but the nodes never sent a command.
         """
@@ -457,7 +459,10 @@ def _control_timestep_s(environment: Any) -> float | None:
 
 
 def _simulated_time(environment: Any, control_timestep_s: float | None) -> Callable[[int], float]:
-    """Returns a function for the simulated time of a step: that of the physics, else step number × control timestep."""
+    """Returns a function for the simulated time of a step: that of the physics, else step number × control timestep.
+
+    Without physics and control timestep, that time is NaN.
+    """
     if hasattr(getattr(environment, "physics", None), "data"):
         return lambda _: environment.physics.data.time
     return lambda number: number * (control_timestep_s or math.nan)

@@ -181,6 +181,8 @@ class ModelRig:
     def scale(self, field: str, where: Any, factor: float | None) -> None:
         """Sets numbers of a model field to a factor times the values that the model was built with; see `Rig`.
 
+        `None` as the factor sets the values that the model was built with.
+
         Raises:
             AxisError: Another axis has changed the same numbers.
         """

@@ -209,6 +209,8 @@ _FRAMES = ("tf", "tf_static")
 def listed_names(bag: Bag, world: World | None, robot: str) -> frozenset[str]:
     """Returns the names of the objects that may be touched, if a world or a list of models has them.
 
+    The robot and the floor are left out.
+
     Args:
         bag: Recording to read the model names from.
         world: World of the run, if it is known.

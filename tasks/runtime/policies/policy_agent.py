@@ -122,7 +122,9 @@ def _attribute_of_file(path: Path, attribute: str, folder: Path | None) -> Calla
 
 
 def _file(reference: PolicyReference, folder: Path | None, root: Path | None) -> Path:
-    """Returns the path of a policy's file.
+    """Returns the path of a policy's file in a robot application's folder, or, if it is absolute, below a root folder.
+
+    `None` as the root is `/`. Links that lead out of the folder count as absent.
 
     Raises:
         LoadError: The policy's file does not exist.

@@ -230,7 +230,7 @@ def contexts_of(
 ) -> tuple[SimulationContext, SimulationContext]:
     """Makes the contexts for the factories of environment and agent, each with its application's variables.
 
-    In each, the application's own variables replace those of the other.
+    In each, the application's own variables replace those of the other. The world is `None` for a run without one.
     """
     simulation, robot = applications_of(plan)
     context = SimulationContext(

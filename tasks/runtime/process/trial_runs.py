@@ -60,7 +60,7 @@ class RenewableAgent(Protocol):
 
 
 def renews(part: RenewableEnvironment | RenewableAgent | None) -> bool:
-    """Returns whether an environment or agent can be reused for several trials: it has a method `renew`."""
+    """Returns whether an environment or agent has a method `renew` for several trials; false if there is none."""
     return callable(getattr(part, "renew", None))
 
 

@@ -313,7 +313,7 @@ class Unbuffered:
     """Binary output stream without a buffer, so that finished chunks survive a killed process."""
 
     def __init__(self, path: Path, keep_bytes: int = 0) -> None:
-        """Opens a file, and cuts it after `keep_bytes` bytes.
+        """Opens a recording file for writing, and cuts it after `keep_bytes` bytes; creates or empties it if that is 0.
 
         Raises:
             OSError: The file is shorter than `keep_bytes`, or cannot be opened.
@@ -339,11 +339,11 @@ class Unbuffered:
         return len(data)
 
     def tell(self) -> int:
-        """Returns the number of bytes in the file."""
+        """Returns the number of bytes that the file has, with those just written."""
         return self._position
 
     def close(self) -> None:
-        """Closes the file."""
+        """Closes the recording file; nothing is buffered that could be lost."""
         os.close(self._descriptor)
 
 
@@ -355,7 +355,7 @@ class Nowhere:
         return len(data)
 
     def tell(self) -> int:
-        """Returns 0 as the position of the stream."""
+        """Returns 0 as the position, however much was written."""
         return 0
 
     def close(self) -> None:

@@ -317,7 +317,7 @@ class StaticTransforms:
         self.known = dict(known or {})
 
     def add(self, transforms: Sequence[TransformStamped]) -> bool:
-        """Adds frames; returns whether any is new or changed."""
+        """Adds poses of frames that do not move, by the frame's name; returns whether any is new or has changed."""
         fresh = {item.child_frame_id: item for item in transforms}
         if all(_same_place(self.known.get(child), item) for child, item in fresh.items()):
             return False
@@ -330,7 +330,7 @@ class StaticTransforms:
 
 
 def _same_place(known: TransformStamped | None, item: TransformStamped) -> bool:
-    """Returns whether a frame still has the known pose, regardless of the time stamp."""
+    """Returns whether a frame still has the known pose, regardless of the time stamp; false if none is known."""
     if known is None or known.header.frame_id != item.header.frame_id:
         return False
     return known.transform == item.transform

@@ -129,7 +129,7 @@ class StateSeries:
         return self._data
 
     def sample(self, recorder: Recorder) -> None:
-        """Samples the current state.
+        """Adds joint positions, velocities, actuator forces and time of the current state to the buffer of the series.
 
         Args:
             recorder: Recorder that has the series; it writes a chunk when the buffer is full.
@@ -265,7 +265,7 @@ class RowSeries:
         self._rows: list[bytes] = []
 
     def add(self, recorder: Recorder, time_s: float, numbers: AnyNumbers) -> None:
-        """Adds a measurement.
+        """Adds the numbers of one message, with its time, to the buffer of the series.
 
         Args:
             recorder: Recorder that has the series; it writes a chunk when the buffer is full.

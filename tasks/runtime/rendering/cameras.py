@@ -92,7 +92,7 @@ def follow_environment() -> None:
 
 
 def make_context(width: int, height: int, backend: str | None = None) -> Any:
-    """Creates an OpenGL context, independent of MuJoCo's and dm_control's choice.
+    """Creates an OpenGL context with the backend that `MUJOCO_GL` names, whatever MuJoCo and dm_control chose.
 
     Args:
         width: Maximum width in pixels.
@@ -131,7 +131,7 @@ class Camera(Protocol):
     """Interface of a renderer that takes pictures of a simulation model."""
 
     def picture(self, data: mujoco.MjData, view: View, size: tuple[int, int] | None = None) -> Image:
-        """Renders a simulation state from a camera view.
+        """Renders a simulation state from a camera view, and returns the RGB image.
 
         Args:
             data: The state.

@@ -64,7 +64,7 @@ class RayCamera:
     def picture(self, data: mujoco.MjData, view: View, size: tuple[int, int] | None = None) -> Image:
         """Renders a simulation state from a camera view as an RGB image by casting rays, coarser if it is large.
 
-        See `Camera`.
+        See `Camera`. Without a size in pixels, the image has the camera's own.
         """
         return self._enlarged(lambda shape: self._cast(data, view, shape), size or self._size)
 

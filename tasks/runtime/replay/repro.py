@@ -128,7 +128,10 @@ class Reproduction:
 
 
 def ending_of(outputs: RunOutputs, failure_code: str | None) -> dict[str, Any]:
-    """Returns a run's outcome for comparison: verdict, missed requirements and cause of the end, or failure code."""
+    """Returns a run's outcome for comparison: verdict, missed requirements and cause of the end, or failure code.
+
+    The failure code, which may be `None`, is all that a run without a result has.
+    """
     if outputs.result is None:
         return {"failure_code": failure_code}
     missed = [each.name for each in outputs.result.requirements if not each.satisfied]

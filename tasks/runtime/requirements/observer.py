@@ -58,7 +58,9 @@ class RequirementsObserver(Observer):
         return self._time_s
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Checks the requirements that are due.
+        """Judges the requirements that are due at the simulated time, and sets `next_time_s`, when the next one is due.
+
+        The first call prepares the checks; without requirements, none is ever due.
 
         Raises:
             RunEnded: A requirement that stops the run is violated, or all goals that do are reached.

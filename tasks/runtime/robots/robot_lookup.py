@@ -61,7 +61,9 @@ class FoundRobot(NamedTuple):
 
 
 def find_robot(application: ApplicationPlan | None, variables: Mapping[str, str]) -> FoundRobot:
-    """Finds the robot model of a simulation job.
+    """Finds the robot model of a simulation job, and returns it with the reason for the choice.
+
+    Takes the robot that a variable names, else the application's own; without either, the built-in robot Scout.
 
     Args:
         application: Robot application of the job, if it names one.

@@ -186,15 +186,15 @@ class BridgeRecorder(Recorder):
         return published
 
     def state(self) -> Any:
-        """Returns the recording's state for a checkpoint."""
+        """Returns the state of the wrapped recorder for a checkpoint."""
         return self._inner.state()
 
     def restore(self, state: Any) -> None:
-        """Continues the recording from a checkpoint."""
+        """Continues the wrapped recorder's file from the state of a checkpoint."""
         self._inner.restore(state)
 
     def close(self) -> None:
-        """Finishes the recording file."""
+        """Finishes the recording file of the wrapped recorder; the ROS nodes stay connected."""
         self._inner.close()
 
     def _send(self, topic: str, data: bytes) -> None:

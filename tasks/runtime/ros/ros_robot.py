@@ -174,6 +174,8 @@ class RosBridge:
     def close(self, ended_by: str | None = None) -> Findings:
         """Disconnects from the ROS nodes; returns findings about them for the run's result.
 
+        The run did not end normally if the reason of its end is `None` or a `RunStop`.
+
         Raises:
             LaunchError: The run ended normally, but the nodes never sent a command, so nothing was tested.
         """

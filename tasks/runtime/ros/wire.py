@@ -90,7 +90,7 @@ class Wire(Protocol):
         ...
 
     def peers(self) -> Peers:
-        """Returns which ROS nodes are connected."""
+        """Returns the topics that connected ROS nodes hear, and the number and wrong types of publishers of commands."""
         ...
 
     def close(self) -> None:

@@ -354,7 +354,7 @@ def _identity(path: str) -> list[int] | None:
 def _known(path: str, view: View, identity: list[int] | None) -> Sight:
     """Checks that a path is the same file in this mount namespace, which lacks later mounts; returns its `Sight`.
 
-    Raises `OSError` if it is not.
+    Raises `OSError` if it is not. Paths that are only hidden are not checked.
     """
     if view != "hide" and _identity(path) != identity:
         raise OSError(f"{path} is on a file system that was mounted after the box was made")

@@ -134,6 +134,9 @@ class Callers:
     def who(self, peer: Address, server: Address) -> Caller:
         """Returns which process has opened a connection to this one, and which job that belongs to.
 
+        Callers from other machines, and callers in no job, have neither job nor reason. A known caller is remembered
+        for a while.
+
         Args:
             peer: Address and port of the caller's end of the connection.
             server: Address and port of this end of the connection.

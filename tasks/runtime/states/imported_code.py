@@ -93,7 +93,10 @@ def _code_here(name: str) -> str:
 
 
 def _places(spec: ModuleSpec | None) -> list[Path]:
-    """Returns the folders of a package, or the file of a module; empty for built-in and generated modules."""
+    """Returns the folders of a package, or the file of a module.
+
+    Returns an empty list for built-in, generated and absent modules.
+    """
     if spec is None:
         return []
     if folders := list(spec.submodule_search_locations or ()):

@@ -347,7 +347,7 @@ class StateLogger(Observer):
             self._give_up(error)
 
     def close(self, ended_by: str | None) -> Findings:
-        """Finishes the state log; returns the reason if it could not be written; see `results.Observer`."""
+        """Finishes the state log; returns the reason if it could not be written, and no findings otherwise."""
         del ended_by
         try:
             if self._writer is not None and self._error is None:

@@ -374,7 +374,10 @@ class _FirstCrash:
 
 
 def decide_outcome_with_log(ended: Exit | None, stopped_for: RunStop | None, plan: RunPlan) -> Outcome:
-    """Returns how a run ended, with the last log lines of the program concerned in a failure's reason."""
+    """Returns how a run ended, with the last log lines of the program concerned in a failure's reason.
+
+    The end is `None` if the run's supervisor disappeared; the reason for a stop is `None` if the run ended by itself.
+    """
     program = ended.crash.program if ended is not None and ended.crash is not None else None
     if ended is not None and program is None and never_connected(ended):
         program = next(

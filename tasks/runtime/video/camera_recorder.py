@@ -147,7 +147,7 @@ class CameraRecorder(Observer):
         return _Sight(picture, depths_m, mount)
 
     def close(self, ended_by: str | None) -> Findings:
-        """Frees the renderer; returns the reason if pictures could not be recorded, as a finding of the run."""
+        """Frees the renderer; returns the reason if pictures could not be recorded, and no findings otherwise."""
         del ended_by
         if self._renderer is not None:
             self._renderer.close()

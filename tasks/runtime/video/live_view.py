@@ -298,7 +298,7 @@ class _Server(ThreadingHTTPServer):
             self.socket.shutdown(socket.SHUT_RDWR)  # wakes it
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Ignores errors of viewers who disconnect."""
+        """Ignores every error of a viewer's request, such as a disconnection, so that nothing is printed."""
 
 
 class _Handler(BaseHTTPRequestHandler):

@@ -69,7 +69,8 @@ def endpoint_variables(
 ) -> dict[str, str]:
     """Makes the variables by which AWS SDKs in a job call this service and its object store instead of AWS.
 
-    The files that the variables name are written.
+    Writes the files that the variables name. Returns no variables if there is neither a server to call nor AWS to
+    refuse.
 
     Args:
         variables: Environment variables of the run so far.

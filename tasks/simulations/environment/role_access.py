@@ -118,9 +118,10 @@ def role_keys(request: Mapping[str, Any], service: Service) -> Keys | None:
 
 
 def write_store_files(sandbox: Sandbox, settings: Settings, keys: Keys | None) -> None:
-    """Writes the config and credentials files for the object store, atomically.
+    """Writes the config and credentials files for the object store in a run's folder, each atomically.
 
-    Any user of a container may read them; other users of this machine cannot reach the folder.
+    Any user of a container may read them; other users of this machine cannot reach the folder. Without keys, the files
+    have only its server and region.
     """
     folder, endpoint = sandbox.place(AWS), store_server(settings)
     folder.mkdir(parents=True, exist_ok=True)

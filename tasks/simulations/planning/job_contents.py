@@ -284,7 +284,10 @@ def _content_of_policy(policy: str) -> str:
 
 
 def _installed_policy(request: Mapping[str, Any], robot: str | None) -> dict[str, str]:
-    """Returns the installed module of a policy that an application's archive does not have, by name."""
+    """Returns, by the policy's name, a hash of the installed module with a policy of a job with a robot application.
+
+    Returns an empty dict if the job has no such policy, or the module is the robot application's or the project's own.
+    """
     policy = policy_in(request)
     module = None if policy is None or not request.get("robotApplications") else parse_policy(policy).module
     if module is None or not (content := _code_of(module)) or content in (_BUILT_IN, robot):

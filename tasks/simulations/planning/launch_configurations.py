@@ -218,7 +218,8 @@ def _sourced(code: Code, setups: list[Path], argv: tuple[str, ...]) -> tuple[str
 def _script(code: Code, package: str, file: str, path: Path | None, python: str) -> Program:
     """Plans the start of a Python script: as a module if it is in a package, else as a file.
 
-    Raises `LaunchError` if the bundle does not have the script.
+    Raises `LaunchError` if the bundle does not have the script. Without a folder of the application's code, the module
+    is started without looking for a file.
     """
     stem = file.removesuffix(".py")
     if code.folder is None:

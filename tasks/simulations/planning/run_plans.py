@@ -281,7 +281,7 @@ def _of_world(request: Mapping[str, Any], service: Service, get: Callable[[Resou
 
 
 def _requirements(document: SimulationJobDocument, world_dir: Path | None) -> list[JobRequirement]:
-    """Returns the job's requirements, after checking that the rooms they name are in the world.
+    """Returns the job's requirements, after checking that the rooms that they name are in the world, if there is one.
 
     Raises `LaunchError` if a room is not.
     """

@@ -66,7 +66,9 @@ def _domain(variables: Mapping[str, str], domain: int) -> int:
 
 
 def discovery_variables(suite: Mapping[str, Any] | None, bridge: RosPlan | None) -> dict[str, str]:
-    """Returns environment variables that keep a job's ROS nodes on this machine.
+    """Returns the environment variables that keep a job's ROS nodes on this machine.
+
+    Returns an empty dict if the bridge names peers or an interface, so that they may leave it.
 
     Args:
         suite: `robotSoftwareSuite` of the application.

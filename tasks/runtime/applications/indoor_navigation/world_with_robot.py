@@ -71,6 +71,8 @@ class ScenePhysics(Physics):
     def step(self, nstep: int = 1) -> None:
         """Advances the simulation by `nstep` physics steps.
 
+        Calls `between_substeps`, if it is set, after every few steps and at the end.
+
         Raises:
             PhysicsError: The state became invalid.
         """
@@ -151,7 +153,10 @@ def _let_sleep(world: mujoco.MjSpec) -> None:
 
 
 def _hide_from_itself(model: mujoco.MjModel, body_id: int, unseen_group: int | None) -> None:
-    """Makes the robot's own parts invisible for its range sensors, but not for cameras, by changing the model."""
+    """Makes the robot's own parts invisible for its range sensors, but not for cameras, by changing the model.
+
+    Parts that are drawn get the unseen geom group, if there is one; parts in undrawn groups become transparent.
+    """
     own = model.body_rootid[model.geom_bodyid] == model.body_rootid[body_id]
     if unseen_group is not None:
         model.geom_group[own & (model.geom_group < _DRAWN_GROUPS)] = unseen_group

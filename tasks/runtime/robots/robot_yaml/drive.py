@@ -134,7 +134,7 @@ class _Actuators:
         self._names = [model.actuator(index).name for index in range(model.nu)]
 
     def find(self, name: str, field: str) -> int:
-        """Returns an actuator's id by name.
+        """Returns the id of the actuator that has a name, or else of the first that drives the joint of this name.
 
         Raises:
             LaunchError: The model has no actuator of this name.

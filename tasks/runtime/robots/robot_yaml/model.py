@@ -29,6 +29,8 @@ _File = tuple[str, Path]
 def load_model(path: Path, root: Path, reading: UrdfReading | None = None) -> mujoco.MjSpec:
     """Loads a robot's MJCF, URDF or SDF model file, and returns its specification, which is not compiled yet.
 
+    Without a state of reading, a URDF or SDF is read with a new one.
+
     Args:
         path: Path of the MJCF, URDF or SDF file.
         root: Folder that has to contain all files of the robot.
@@ -191,7 +193,9 @@ class ModelBuilder:
             raise refused(self._files.model, cause, "MuJoCo cannot make a model of it", hint) from cause
 
     def find(self, parts: Iterable[Any], name: str, field: str, what: str) -> Any:
-        """Finds a part of the model by name.
+        """Returns the part with a name among bodies, geoms, joints or other parts of the robot's model.
+
+        The body `world` is not found.
 
         Raises:
             LaunchError: The model has no such part; the message names the field and the parts that the model has.
