@@ -42,8 +42,8 @@ class Place(AbstractContextManager["Place"]):
     """A job's place on its machine: first a slot to simulate, then permission to finish (upload). Context manager.
 
     Args:
-        take: See `Take`.
-        permit: See `Permit`.
+        take: Function that waits for a slot to simulate; None as its result: the job has to stop.
+        permit: Function that takes permission to finish, without waiting; returns whether one was free.
     """
 
     def __init__(self, take: Take = _no_turn, permit: Permit = _no_permit) -> None:

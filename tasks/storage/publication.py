@@ -137,7 +137,7 @@ def split_stored(
         store: The object store.
         bucket: Name of the bucket.
         files: Files by their keys.
-        stopped: See `ObjectStore.find_same`.
+        stopped: Function that returns whether to stop; it is called while files are compared.
 
     Raises:
         StorageError: The stored objects cannot be compared.

@@ -253,7 +253,7 @@ class RobotNodes(OtherInterface, Protocol):
 class RemoteRobot(Observer):
     """Robot application in another process: waits for the robot program, makes its agent, and disconnects at the end.
 
-    It listens from the beginning, and is told of the run's end as an observer (`results.Observer`).
+    It listens from the beginning, and is told of the run's end as an observer (`Observer`).
     """
 
     next_time_s = math.inf

@@ -116,12 +116,12 @@ class PhysicsHealth(Observer):
             self._look_for_numbers()
 
     def state(self) -> dict[str, Any]:
-        """Returns the found defects, for a checkpoint; see `results.Observer`."""
+        """Returns the defects found so far, with all counts of the watched run, for a checkpoint."""
         kept = ("_steps", "_timesteps", "_time_s", "_still_steps", "_broken", "_missed", "_noted")
         return {name: getattr(self, name) for name in kept}
 
     def restore(self, state: dict[str, Any], environment: Any) -> None:
-        """Restores the found defects from a checkpoint; see `results.Observer`."""
+        """Restores the found defects from a checkpoint's state, and reads from then on the environment's physics."""
         self.__dict__.update(state)
         self._bind(environment)
 

@@ -34,7 +34,8 @@ def run_child(run: RunRequest, progress: Progress) -> int:
         progress: Memory for the run's progress and final report.
 
     Returns:
-        The process's exit code: 0 when the run ended as a run should.
+        The process's exit code: 0 if the run ended as a run should, else 1. Errors are not raised: their tracebacks are
+        written to the error log, and their short form to `progress`.
     """
     stop = _StopSignal(progress)
     try:

@@ -110,7 +110,7 @@ def make_observers(
         plan: Plan of the run.
         video_backend: Name of the rendering backend; None: no video.
         applications: Applications that make environment and agent, built-in ones included.
-        actions: See `ProvenanceRecorder`.
+        actions: Function that summarises a robot program's action log at the end; None: the robot is no program.
     """
     found: list[Observer] = [ProvenanceRecorder(plan, applications, actions), FailureRecorder(plan.output_dir)]
     if plan.video != "none":  # also for videos that are made afterwards (`failure_videos`)

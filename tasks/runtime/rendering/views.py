@@ -72,9 +72,9 @@ def choose_view(
 
     Args:
         model: The model.
-        name: See `choose_views`, except `both`.
-        said_by: See `choose_views`.
-        aspect: See `choose_views`.
+        name: Name of the view: `follow`, `top` or a camera's name; None: see above.
+        said_by: Source of the name, for the error message.
+        aspect: Width of the picture divided by its height.
 
     Raises:
         CameraNameError: The model has no camera of that name.

@@ -97,7 +97,7 @@ class ProvenanceRecorder(Observer):
         return Findings(state_digest=digest.value if digest else None)
 
     def state(self) -> dict[str, Any]:
-        """Returns the state of the hash chain for a checkpoint; see `results.Observer`."""
+        """Returns the state of the hash chain, and the times at which the run was resumed, for a checkpoint."""
         return {
             "next_time_s": self.next_time_s,
             "digest": self._digest.state(),
@@ -106,7 +106,10 @@ class ProvenanceRecorder(Observer):
         }
 
     def restore(self, state: dict[str, Any], environment: Any) -> None:
-        """Restores the hash chain from a checkpoint; see `results.Observer`."""
+        """Restores the hash chain from a checkpoint's state.
+
+        Adds the simulated time in seconds to those at which the run was resumed, and writes the provenance file.
+        """
         model, data = raw_physics(environment.physics)
         self._data, self._has_begun = data, True
         self.next_time_s = state["next_time_s"]

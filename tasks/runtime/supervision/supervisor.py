@@ -107,8 +107,8 @@ def _supervise(channel: Connection, request: RunRequest, run: WaitingRun, progre
 
     Messages to the launcher are JSON objects: `{"event": "started"}`, or `{"event": "refused", "code":
     str, "reason": str}`; `{"event": "answering"}` once forwarded ports answer; under `Continue` perhaps
-    `{"event": "crashed", "exit": object}`; at last `{"event": "exited", "exit": object}`, each object an
-    `outcomes.Exit`. Messages from the launcher:
+    `{"event": "crashed", "exit": object}`; at last `{"event": "exited", "exit": object}`, each object a
+    `run_outcomes.Exit`. Messages from the launcher:
     `{"stop": reason}` asks the run to finish (SIGTERM), `{"kill": true}` ends it.
 
     Args:

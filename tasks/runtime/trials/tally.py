@@ -147,7 +147,7 @@ class Tally:
             ended_by: `environment` once all trials ran, else the cause of the run's end.
             seed: The job's seed.
             versions: Versions of the packages that the numbers depend on.
-            recorded: See `summary`.
+            recorded: Numbers of the trials that have an output folder.
         """
         summary = self.summary(recorded)
         own = Requirement(

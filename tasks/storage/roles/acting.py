@@ -122,7 +122,8 @@ class Roles:
         """Returns a role's current credentials; `None` if objects are local files.
 
         Raises:
-            StorageError: See `store_of`; or the credentials cannot be renewed.
+            StorageError: The role does not exist, its credentials are refused or cannot be renewed, or the server does
+                not answer.
         """
         self.store_of(arn)
         session = self.opened.sessions.get(arn)

@@ -205,7 +205,7 @@ def _users_of(endpoint: str, region: str, environ: Mapping[str, str]) -> _Users:
 
     Raises:
         StorageError: The server does not answer.
-        ConfigurationError: See `MinioUsers`.
+        ConfigurationError: It is a MinIO server, and the package `minio` or the credentials for it are missing.
     """
     if not _server_name(endpoint, region, environ).startswith(SERVER):
         return IamUsers(endpoint, region, environ)
