@@ -118,7 +118,7 @@ class PoolRuns:
         self._last_end = ""
 
     def check(self) -> None:
-        """Checks that the work pool can start job workers; a server that does not answer is asked again later.
+        """Checks that the work pool can start job workers; a server that does not answer is logged, and asked later.
 
         Raises:
             BackendError: The work pool cannot start job workers.
@@ -165,7 +165,7 @@ class PoolRuns:
             return f"the Prefect server does not answer; job workers in the work pool {self.pool} go on with their jobs"
 
     def take_back(self, *, also_running: bool) -> bool:
-        """Cancels the job workers' flow runs that have not begun.
+        """Deletes the job workers' flow runs that have not begun.
 
         Args:
             also_running: Whether those that run are cancelled, too.

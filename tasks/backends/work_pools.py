@@ -115,7 +115,9 @@ class PoolWorkers:
         self._keeper.start()
 
     def end(self, *, also_running: bool) -> None:
-        """Cancels job workers that have not begun; running ones end by themselves, because the batch is over.
+        """Deletes flow runs of job workers that have not begun; running ones end by themselves as the batch is over.
+
+        If the Prefect server does not answer, that is logged, and flow runs may be left.
 
         Args:
             also_running: Whether the batch is not over, so that running ones have to be cancelled.

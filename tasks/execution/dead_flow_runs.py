@@ -85,7 +85,9 @@ class Swept:
 
 
 def ensure_automation(client: SyncPrefectClient) -> UUID:
-    """Creates or updates the Prefect automation that marks flow runs as crashed when they send no heartbeats.
+    """Makes sure that one Prefect automation marks flow runs as crashed that send no heartbeats.
+
+    Deletes automations of the same name that have another content, or are there twice; creates one if none is left.
 
     Returns:
         Id of the automation.

@@ -178,7 +178,8 @@ class RunWatch:
         """Sets runs back to `Running` that were closed as dead while this process slept, was stopped, or was not heard.
 
         Only leases decide which process does the work: a run whose job another worker has taken meanwhile stays closed.
-        So does one that has ended since `runs` was looked up: it sets its own end state.
+        So does one that has ended since `runs` was looked up: it sets its own end state. Each job whose runs are taken
+        back is logged.
         """
         for run, watched in runs.items():
             closed = closed_as_dead(client, {run, *watched.parts})

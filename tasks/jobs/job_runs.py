@@ -465,7 +465,8 @@ class JobRun:
     def _asked(self) -> tuple[str, StopReason | None]:
         """Returns the job's status, and the reason why its run has to end: `None` if it does not have to.
 
-        The status is `Restarting` if a restart of the job is requested.
+        The status is `Restarting` if a restart of the job is requested. If the job's lease is lost, the reason is a
+        cancellation. If the catalog does not answer, that is logged, and there is no reason.
         """
         if self._lease.lost:
             return self._lease.job.status, StopReason.CANCELED  # the worker that took over runs the job again

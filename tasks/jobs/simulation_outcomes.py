@@ -157,6 +157,8 @@ class EarlierRuns:
     def note_lost(self) -> bool:
         """Records that a completed run is lost with its machine, so that the job has to run again.
 
+        Logs it, and records the run in the job as failed. Does nothing for a run that did not complete.
+
         Returns:
             Whether it is lost: its outputs are neither on this machine nor stored. False if the store does not answer.
         """
@@ -189,7 +191,8 @@ class EarlierRuns:
     def _keep(self, run_id: str, outcome: Outcome, *, restarted: bool, finished: bool) -> None:
         """Uploads the outputs of a run that is not the job's last one, and records in the job where they are.
 
-        If the job has to end while the store does not answer, this run's outputs become those of the job.
+        If the job has to end while the store does not answer, this run's outputs become those of the job. If they
+        cannot be stored, that is logged and recorded instead. Deletes the run's folder on this machine once they are.
         """
         outputs = self._outputs_of(run_id)
         place, not_stored = None, None

@@ -147,7 +147,8 @@ class DirectoryStore:
     def get_file(self, bucket: str, key: str, path: Path) -> ObjectInfo:
         """Copies an object to a file, which appears only when complete, and returns what is known of the object.
 
-        Raises `ObjectNotFoundError` if there is no such object, and `StorageError` if the file cannot be written.
+        Raises `ObjectNotFoundError` if there is no such object, and `StorageError` if the file cannot be written. An
+        earlier file is replaced; no part of a new one remains after an error.
         """
         temporary = path.with_name(f".{uuid4().hex}.part")
         with self._opened(bucket, key) as (source, info), os_failures(f"fetch {bucket}/{key} into {path}"):

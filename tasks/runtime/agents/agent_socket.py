@@ -84,7 +84,7 @@ class AgentSocket:
     """Unix socket on which a simulation waits for its robot program; its file is deleted by `close`."""
 
     def __init__(self, plan: RunPlan, name: str = AGENT_SOCKET) -> None:
-        """Opens a run's Unix socket for its robot program, and listens on it.
+        """Creates a run's Unix socket for its robot program, and listens on it; replaces an earlier socket there.
 
         Args:
             plan: Plan of the run.

@@ -38,7 +38,9 @@ class Excess:
 
 
 def confine(limits: ComputeLimits, cores: list[int] | None) -> None:
-    """Applies the run's limits that the kernel enforces to this process and its children.
+    """Applies the run's limits that the kernel enforces (cores, priority, processes) to this process and its children.
+
+    Core dumps are turned off, and the kernel chooses these processes first when memory runs out.
 
     Args:
         limits: Limits of the run.

@@ -68,6 +68,7 @@ def rehearse(room: Path | None, has_run: HasRun, is_idle: Callable[[], bool] | N
     """Warms up an idle process: runs one simulation step so that imports and caches are ready for a run.
 
     Nothing is done while the processors are busy. Errors are ignored: the run will fail in the same way, and report it.
+    Nothing is done without a folder, either. The simulation's work folder is deleted afterwards.
 
     Args:
         room: Folder with the small world, from `rehearsal_room`.

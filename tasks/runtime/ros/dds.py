@@ -138,7 +138,9 @@ class Participant:
     """Participant in a ROS 2 domain (DDS), which publishes and subscribes topics."""
 
     def __init__(self, domain: int, reach: Reach, *, is_simulation: bool = False) -> None:
-        """Joins a ROS 2 domain.
+        """Joins a ROS 2 domain as a participant of Cyclone DDS.
+
+        The environment variable `CYCLONEDDS_URI` is changed during the call; the user's own settings come first.
 
         Args:
             domain: Domain id, 0 to 232.

@@ -90,7 +90,7 @@ class Wire(Protocol):
         ...
 
     def peers(self) -> Peers:
-        """Returns the topics that connected ROS nodes hear, and the number and wrong types of publishers of commands."""
+        """Returns the topics that connected ROS nodes hear, and number and wrong types of publishers of commands."""
         ...
 
     def close(self) -> None:

@@ -19,7 +19,9 @@ from .visible_files import Sight, View, ordered, paths_in, python_paths, system_
 
 
 def fork_beside(become: Callable[[], NoReturn]) -> int:
-    """Forks a process in its own session, which dies with this process.
+    """Forks a process in its own session, which dies with this process, to run a function.
+
+    If the function raises or returns, the process ends with code 1.
 
     Args:
         become: Function that the new process runs; it must not return.

@@ -55,7 +55,10 @@ def enter_namespaces(pid: int, kinds: int) -> None:
 
 
 def keep_identity(user: int, group: int) -> None:
-    """Maps this user and group to themselves in a new user namespace."""
+    """Maps this user and group to themselves in the new user namespace of this process.
+
+    Writes to `/proc/self`, after which the process cannot change its groups.
+    """
     Path("/proc/self/setgroups").write_text("deny")
     Path("/proc/self/uid_map").write_text(f"{user} {user} 1")
     Path("/proc/self/gid_map").write_text(f"{group} {group} 1")
@@ -85,7 +88,10 @@ def restrict_mount(target: str, attributes: int, *, below: bool = True) -> None:
 
 
 def change_root(folder: str) -> None:
-    """Makes a mounted folder the root of this mount namespace, and detaches the old root."""
+    """Makes a mounted folder the root of this mount namespace, and detaches the old root.
+
+    The working directory of the process becomes the new root. Raises `OSError` if the kernel refuses.
+    """
     os.chdir(folder)
     _check(_LIBC.syscall(_number(_PIVOT_ROOT), b".", b"."), "pivot_root")
     _check(_LIBC.umount2(b".", _MNT_DETACH), "umount")

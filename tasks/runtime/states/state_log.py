@@ -266,7 +266,7 @@ class StateLogWriter:
             self._noted()
 
     def close(self) -> None:
-        """Writes the last states to the state log and closes it."""
+        """Writes the last states to the state log, closes it, and deletes the file with its unfinished end."""
         self._flush()
         self._log.close()
         (self._folder / TAIL_FILE).unlink(missing_ok=True)

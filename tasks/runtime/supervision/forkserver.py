@@ -56,7 +56,7 @@ def main() -> None:
     """Entry point of the fork server: imports modules, then forks a supervisor for each requested run.
 
     Runs until the launcher closes the socket whose descriptor is the first argument. If a module cannot be imported,
-    the error is sent there.
+    the error is sent there. An interrupt (Ctrl-C) is ignored.
     """
     control = socket.socket(fileno=int(sys.argv[1]))
     try:

@@ -105,7 +105,9 @@ class Supervision:
     # Beginning
 
     def prepare(self) -> None:
-        """Opens forwarded ports and logs of the run, before any process starts.
+        """Opens the run's forwarded ports, starts the processes that forward them, and creates the programs' logs.
+
+        No program is started yet.
 
         Raises:
             LaunchError: A port is taken.

@@ -35,6 +35,8 @@ from .process_supervision import Supervision
 def stand_by(control: socket.socket, run_child: RunChild, rehearse: Rehearse, level: BoxLevel = "none") -> None:
     """Waits for a run's request, then supervises the run; main function of a supervisor process, which ends with it.
 
+    The process gets a session of its own, and adopts orphans. If no run comes, the waiting run's process is ended.
+
     Args:
         control: Socket with one message that carries the connection to the run's launcher; closed, if no run will come.
         run_child: Function that runs the simulation in the run's process.

@@ -37,6 +37,8 @@ _TOLERANCE_S = 5e-7
 def write_videos(request: VideoRequest) -> None:
     """Renders `last-10s.mp4`, `poster.png`, and if asked for `video.mp4`, from a state log.
 
+    Replaces earlier files and links of these names, and notes the videos' times in the run's timeline.
+
     Raises:
         StateLogError: The run has no state log.
         ValueError: No state was noted, or there is no such camera.

@@ -27,7 +27,7 @@ def process_variables(
         sandbox: Folders of the run.
         settings: Settings of the service.
         environ: Environment variables of this process.
-        caller: See `service_variables`.
+        caller: Id and key of the job, separated by a slash, by which the endpoint recognises its calls.
     """
     return {
         "TMPDIR": str(sandbox.place(TEMPORARY)),

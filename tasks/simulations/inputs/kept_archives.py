@@ -39,7 +39,9 @@ def is_kept(etag: str, service: Service) -> bool:
 
 
 def keep(etag: str, fetch: Callable[[Path], ObjectInfo], service: Service) -> None:
-    """Keeps an archive, unless it is kept already; a store that refuses it keeps no job from running.
+    """Stores a copy of an archive, unless it is kept already, or has been overwritten meanwhile.
+
+    If it cannot be kept, that is logged and not raised.
 
     Args:
         etag: Its ETag.

@@ -237,7 +237,7 @@ class RunOutputs:
         """Checks that the run's outputs were uploaded completely.
 
         Args:
-            stopped: See `store`.
+            stopped: Function called while the store does not answer; true gives up.
 
         Raises:
             StorageError: The outputs were not uploaded completely.

@@ -68,7 +68,8 @@ def with_ros_companions(
 def _with_services(programs: list[ProgramPlan], ros: RosLaunch, run_environment: RunEnvironment) -> list[ProgramPlan]:
     """Returns the programs, with the node of the job's ROS services added and its message package on their paths.
 
-    Returns the programs as they were if the job's ROS cannot run Python nodes.
+    Returns the programs as they were if the job's ROS cannot run Python nodes. Creates the folder of the services in
+    the run's root, and deletes it in that case.
     """
     folder = run_environment.sandbox.root / FOLDER
     folder.mkdir(parents=True)
@@ -218,7 +219,8 @@ def with_ros1_bridge(planned: Applications, run_environment: RunEnvironment) -> 
     """Returns a run's programs with the bridge between the simulation and ROS 1 nodes added, if it can run.
 
     A robot application may use ROS 1, or only declare it and connect to the agent socket; so a missing rospy is no
-    error.
+    error. Without the bridge, the programs are returned unchanged, and its log has the reason if there is a robot
+    application. For a launch file of ROS 1, writes another one that sets `use_sim_time`.
     """
     robot = planned.robot
     if robot is None:

@@ -57,7 +57,9 @@ def message_variables(folder: Path, variables: Mapping[str, str]) -> dict[str, s
 
 @contextmanager
 def answering(root: Path | None, arn: str, service: Service) -> Generator[None]:
-    """Answers ROS service calls of a job's programs while it runs.
+    """Answers ROS service calls of a job's programs, in a thread, inside the `with` block.
+
+    Does nothing if the run has no folder of ROS services; replaces the socket that a dead job worker has left there.
 
     Args:
         root: Root folder of the run.

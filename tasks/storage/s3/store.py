@@ -258,7 +258,7 @@ class S3Store:
             return self._put(bucket, key, data, create_only=create_only)
 
     def get_file(self, bucket: str, key: str, path: Path) -> ObjectInfo:
-        """Downloads an object to a file, which appears only when complete and its checksum is right.
+        """Downloads an object to a file, which appears only when complete and its checksum is right; returns its facts.
 
         Raises `ObjectNotFoundError` if there is no such object, `ChecksumMismatchError` if the content is damaged, and
         `StorageError` otherwise; no part of the file is then left.

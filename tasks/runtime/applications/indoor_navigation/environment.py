@@ -95,10 +95,10 @@ class IndoorNavigation(ResumableEnvironment):
 def make_environment(context: SimulationContext) -> IndoorNavigation:
     """Makes the indoor navigation environment of one run.
 
-    The robot is the one that the robot application names (`robots/robot_lookup.py`). Actions and observations are described
-    by the environment's specs. A run ends when the robot has been in every room and is commanded to stand still, when
-    it is commanded to stand still for 10 s, when it tips over, or at the limit of simulated time: the environment
-    variable `ROBOMAKER_SIM_TIME_LIMIT_S` in seconds, else a limit that fits the size of the world.
+    The robot is the one that the robot application names (`robots/robot_lookup.py`). Actions and observations are
+    described by the environment's specs. A run ends when the robot has been in every room and is commanded to stand
+    still, when it is commanded to stand still for 10 s, when it tips over, or at the limit of simulated time: the
+    environment variable `ROBOMAKER_SIM_TIME_LIMIT_S` in seconds, else a limit that fits the size of the world.
 
     Args:
         context: Context of the run, which has to have a world.

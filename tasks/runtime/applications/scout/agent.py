@@ -340,7 +340,7 @@ class Scout(KeepsAttributes):
         self._tries = 0
 
     def _leave_goal(self) -> None:
-        """Postpones the current goal to the end of the tour; gives it up the second time."""
+        """Postpones the current goal to the end of the tour; the second time, gives it up for good and logs that."""
         assert self._queue
         goal = self._queue[0]
         self._next_goal()
