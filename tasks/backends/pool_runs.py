@@ -130,7 +130,7 @@ class PoolRuns:
             _logger.warning("the Prefect server does not answer; job workers start once it does: %s", error)
 
     def staffed(self) -> str:
-        """Orders missing job workers as flow runs, and cancels scheduled ones that are too many.
+        """Orders missing job workers as flow runs, and deletes waiting ones that are too many.
 
         Returns:
             Text for the user about the job workers.

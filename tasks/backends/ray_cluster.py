@@ -78,7 +78,7 @@ class RayDriver:
         self._start()
 
     def look(self) -> str:
-        """Returns the state of the job workers as text for the user.
+        """Starts the child process that runs job workers, also after it died, and returns their state as text.
 
         Raises:
             BackendError: No machine can run jobs.

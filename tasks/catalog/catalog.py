@@ -214,7 +214,7 @@ class Catalog(CatalogLeases):
         labels: Mapping[str, Sequence[str]] | None = None,
         status: str | None = None,
     ) -> Resource:
-        """Changes members of a resource's document in the catalog.
+        """Changes members of a resource's document in the catalog, and returns the changed resource.
 
         Args:
             arn: ARN of the resource.

@@ -31,7 +31,7 @@ _logger = logging.getLogger(__name__)
 
 @contextmanager
 def watching_parent(orphaned: Callable[[], None]) -> Generator[None]:
-    """Watches, in a thread, whether the parent process dies, and calls `orphaned` if it does.
+    """Watches, in a thread inside the `with` block, whether the parent process dies, and calls `orphaned` if it does.
 
     Args:
         orphaned: Called when it has died; has to end this process.

@@ -104,7 +104,10 @@ class RunWatch:
 
     @contextmanager
     def part(self, outer: UUID, run: UUID) -> Generator[None]:
-        """Counts a subflow run as part of a watched flow run, inside the `with` block."""
+        """Counts a subflow run as part of a watched flow run, inside the `with` block.
+
+        Does nothing if the outer run is not watched.
+        """
         parts = watched.parts if (watched := self._runs.get(outer)) else set[UUID]()
         parts.add(run)
         try:
@@ -215,7 +218,8 @@ WATCH = RunWatch()
 def beginning_run() -> Generator[None]:
     """Sends heartbeats of the running flow inside the `with` block, while it waits before its start.
 
-    Nothing is cancelled from here: what it will run is not known yet, and a Prefect worker ends the process.
+    Nothing is cancelled from here: what it will run is not known yet, and a Prefect worker ends the process. Does
+    nothing outside a flow, or in a flow that is watched already.
     """
     context = FlowRunContext.get()
     if context is None or context.flow_run is None or _watched_around.get() is not None:
@@ -228,6 +232,8 @@ def beginning_run() -> Generator[None]:
 @contextmanager
 def watched_run(catalog: Catalog, cancel: Callable[[], None]) -> Generator[None]:
     """Watches the running flow inside the `with` block, unless its parent flow is watched already.
+
+    A flow below a watched one counts as its part. Does nothing outside a flow.
 
     Args:
         catalog: The catalog of its jobs; their leases are released if the process has to end as an orphan.

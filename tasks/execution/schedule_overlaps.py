@@ -58,7 +58,8 @@ _logger = logging.getLogger(__name__)
 def give_way_to_earlier(continues: str | None = None) -> None:
     """Reschedules the current flow run and ends this process if an earlier run of its deployment still waits.
 
-    A run goes before another of its deployment if it was due earlier, or if it continues one whose process died.
+    A run goes before another of its deployment if it was due earlier, or if it continues one whose process died. If
+    Prefect does not answer, that is logged, and the run begins.
 
     Args:
         continues: Id of the run that this one continues; such a run gives way to none.

@@ -41,6 +41,8 @@ def run_tasks(
 ) -> None:
     """Runs part of a job once for each argument set, in threads, as Prefect task runs; waits for all of them.
 
+    An interruption (Ctrl-C, a signal) requests the job's cancellation.
+
     Args:
         name: Name of the task in Prefect.
         part: Watches for a cancel request of the job, and ends soon after one.
@@ -93,6 +95,8 @@ def _begin(runner: "MapTaskRunner[None]", part: Any, calls: Sequence[Mapping[str
 
 def run_alone(work: Callable[[], None], *, job_arn: str, service: Service) -> None:
     """Runs a job that has a single part in a thread, and waits for it.
+
+    An interruption (Ctrl-C, a signal) requests the job's cancellation.
 
     Args:
         work: Watches for a cancel request of the job, and ends soon after one.
@@ -155,6 +159,8 @@ def step_runner() -> RunStep:
 @contextmanager
 def shown_as(name: str, message: str) -> Generator[None]:
     """Gives the running flow's Prefect state a name inside the `with` block, such as `AwaitingApproval`.
+
+    Does nothing outside a flow.
 
     Args:
         name: The name, such as `AwaitingApproval`.

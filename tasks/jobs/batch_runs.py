@@ -162,7 +162,9 @@ class BatchRun:
             self._settle()
 
     def _stop_remaining_jobs(self) -> bool:
-        """Ends the jobs that no job worker holds, and requests the cancellation of the others.
+        """Ends the batch's jobs that no job worker holds, and requests the cancellation of the others.
+
+        Jobs that only upload their outputs by now are left alone.
 
         Returns:
             Whether all jobs have ended.

@@ -263,10 +263,10 @@ class OwnOrder:
         return replace(self._service, first_lease=lease)
 
     def keep(self, arn: str) -> None:
-        """Keeps the lease (lock) of the stored job, if this process holds it.
+        """Keeps and renews the lease (lock) of the stored job, in a thread, if this process holds it.
 
         A job that an equal earlier call had stored may belong to another process; running it here then waits for its
-        lease.
+        lease. A lease that cannot be kept is released.
         """
         if self._service.catalog.lease_of(arn)[0] != self._owner:
             return

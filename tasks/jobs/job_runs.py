@@ -391,7 +391,8 @@ class JobRun:
     def _note_simulated(self, is_drawn: bool) -> None:
         """Frees the job's machine slot, because the simulation has ended and only videos and outputs remain.
 
-        From here on the batch's timeout no longer ends the job; its own timeout and cancellation still do.
+        From here on the batch's timeout no longer ends the job; its own timeout and cancellation still do. Does nothing
+        if the job has to end or restart; an error is logged, and the job keeps its slot.
         """
         status, reason = self._asked()
         self._finishes = reason is None and not self._is_to_restart(status)

@@ -135,7 +135,8 @@ class EarlierRuns:
     def keep_dead(self, why: str) -> None:
         """Uploads the outputs of a run whose job worker died, and records that run in the job.
 
-        It is unknown whether the run had ended, so it gets no manifest.
+        It is unknown whether the run had ended, so it gets no manifest. Does nothing if the run has been recorded
+        already, or has no outputs on this machine.
 
         Args:
             why: Reason why the run was not finished, for readers of its outputs.

@@ -32,6 +32,8 @@ class Notices:
     def is_due(self, wait: Wait | None, now_s: float) -> bool:
         """Whether to report a wait now: it has lasted two seconds and was not reported in ten minutes.
 
+        A wait that is due counts as reported.
+
         Args:
             wait: Why there is waiting at this moment; None: there is nothing to tell.
             now_s: Seconds on any clock.

@@ -148,7 +148,7 @@ class WaiterFiles:
         (self._folder / ticket).unlink(missing_ok=True)
 
     def read(self, now_s: float) -> dict[str, WaiterRecord]:
-        """Returns the valid announcements by ticket, and deletes those of dead processes.
+        """Returns the valid announcements by ticket, and deletes those that no process has renewed for long.
 
         Args:
             now_s: Seconds since 1970.

@@ -130,7 +130,8 @@ class Operation:
         """Runs a stored job to its end, and returns its final description.
 
         If called again for the same job, by any job worker, it continues from the job's state. An interruption (Ctrl-C,
-        the end or cancellation of the flow run) cancels the job, and is raised again once the job has ended.
+        the end or cancellation of the flow run) cancels the job, and is raised again once the job has ended. Raises
+        `InvalidParameterException` if the operation has no job to run.
         """
         if self.run_job is None:
             raise InvalidParameterException(f"{self.name} is no job operation: it has nothing to perform")

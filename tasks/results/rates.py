@@ -128,9 +128,10 @@ def by_room(jobs: Iterable[ReportedJob]) -> list[Share]:
 
 
 def requirement_counts(results: ResultTable) -> dict[str, Counts]:
-    """Counts, for each requirement, the trials that met or missed it.
+    """Counts, for each requirement, the trials that met it, that missed it, and in which it could not be judged.
 
-    Trials that ended with an error do not count, as they might have missed a requirement later.
+    Trials that ended with an error do not count as met, as they might have missed it later. Requirements without any
+    count are left out.
     """
     broken: Counter[str] = Counter(
         each.name

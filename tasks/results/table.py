@@ -88,7 +88,7 @@ class ResultTable:
 
     @classmethod
     def read(cls, path: Path) -> "ResultTable":
-        """Opens a results table from a file; columns are read when needed.
+        """Opens a results table from a file, and reads each column once to find damage; later, columns are read anew.
 
         Raises:
             OSError: The file does not exist, or cannot be read.

@@ -16,7 +16,7 @@ _LEAST = timedelta(days=1)
 
 
 def collect_archives(older_than: timedelta | None, besides: Set[str], service: Service, *, act: bool) -> list[GcItem]:
-    """Deletes kept archives that no job was run with which stays.
+    """Deletes kept archives of applications with which no remaining job was run.
 
     Args:
         older_than: The time; less than a day, or none, counts as a day.

@@ -49,7 +49,8 @@ def collect_recordings(older_than: timedelta, besides: Set[str], service: Servic
 def _ordered(service: Service, besides: Set[str]) -> set[str]:
     """Returns the recordings' keys in the orders of unfinished runs.
 
-    An interrupted run may have no job yet, and is resumed later.
+    An interrupted run may have no job yet, and is resumed later. If an order cannot be read, the key is that of the
+    folder of all recordings.
     """
     named: set[str] = set()
     for path in (service.settings.home / "runs").glob(f"*/{ORDER_NAME}"):

@@ -326,7 +326,7 @@ def thinned(manifest: Manifest, keep: Callable[[str], bool]) -> Manifest:
 
 
 def removed_before(manifest: Manifest) -> tuple[int, int]:
-    """Returns how many published files were deleted so far, and their bytes."""
+    """Returns how many files of a manifest were deleted so far, and their bytes; zeros if it does not name any."""
     removed = manifest.about.get("removed")
     if not isinstance(removed, dict):
         return 0, 0

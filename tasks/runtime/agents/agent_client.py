@@ -348,6 +348,8 @@ class Simulation:
     def act(self, action: Any) -> None:
         """Sends an action to the simulation, in lock-step mode one for each observation.
 
+        Does nothing once the run is over.
+
         Args:
             action: In the form of `action_spec`: an array or list, or several by name.
 

@@ -126,7 +126,7 @@ class PhysicsHealth(Observer):
         self._bind(environment)
 
     def close(self, ended_by: str | None) -> Findings:
-        """Returns the defects, which count as missed requirements, and notes.
+        """Returns the physics' defects, which count as missed requirements, and notes; none of a run that failed.
 
         Args:
             ended_by: Cause of the run's end; None if it failed.

@@ -33,6 +33,8 @@ def add_to_import_path(path: Path) -> None:
 def load_factory(attribute: str, path: Path | None = None) -> Callable[..., Any]:
     """Imports the factory function of an application by its dotted path.
 
+    Puts the bundle's folder on the import path.
+
     Args:
         attribute: Dotted path, `package.module.make_environment`.
         path: The bundle's folder that must contain the package; None for an installed package.

@@ -161,6 +161,8 @@ class Episode:
 def read_report(environment: object) -> EnvironmentReport:
     """Asks an environment for its report on the run, checks it, and returns it.
 
+    Returns an empty report for an environment that makes none.
+
     Raises:
         ValueError: The report does not fit `EnvironmentReport`, or JSON; the text names what.
     """

@@ -253,7 +253,10 @@ def fits_floor(model: str) -> bool:
 
 
 def _of_markers(content: Any, other_side: _OtherSide) -> Iterator[tuple[str, float]]:
-    """Reads contacts of this package's recordings: each object's name and its force in newtons."""
+    """Reads contacts of this package's recordings: each object's name and its force in newtons.
+
+    The force is NaN if the text of a marker does not begin with a number.
+    """
     del other_side  # they are all of the robot
     sums: dict[str, float] = {}
     for marker in content.markers:

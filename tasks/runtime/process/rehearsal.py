@@ -38,7 +38,8 @@ _HALF_M = 3.0
 def rehearsal_room() -> Iterator[Path | None]:
     """Creates a temporary folder with a small world for warming up; `None` if it cannot be written.
 
-    Folders that killed processes left behind are deleted; the processes that use a folder hold a lock on it.
+    Folders that killed processes left behind are deleted; the processes that use a folder hold a lock on it. The
+    new one is deleted at the end of the `with` block.
     """
     folder, lock = None, None
     try:

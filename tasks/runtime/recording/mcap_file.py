@@ -330,7 +330,7 @@ class Unbuffered:
         os.lseek(self._descriptor, keep_bytes, os.SEEK_SET)
 
     def write(self, data: bytes) -> int:
-        """Writes all of the bytes to the file, repeating partial writes."""
+        """Writes all of the bytes to the file, repeating partial writes, and returns their number."""
         view = memoryview(data)
         while view:
             written = os.write(self._descriptor, view)

@@ -60,7 +60,7 @@ def best_video_backend() -> str:
 
 @lru_cache
 def _probe(name: str) -> VideoBackend:
-    """Renders a test image in a separate process, since a bad graphics driver may crash it; the result is cached.
+    """Renders a test image in a process of its own, as a bad graphics driver may crash it; returns whether it works.
 
     Found out once: what is installed seldom changes while a process runs.
     """

@@ -54,7 +54,7 @@ class BridgeRecorder(Recorder):
     enabled = True
 
     def __init__(self, inner: Recorder) -> None:
-        """Wraps the run's recorder, which may be one that drops all messages."""
+        """Wraps the run's recorder, which may be one that drops all messages; nothing is published before `attach`."""
         self._inner = inner
         self._wire: Wire | None = None
         self._names: Mapping[str, str] = {}

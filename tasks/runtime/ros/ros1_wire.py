@@ -67,7 +67,7 @@ class Ros1Wire:
         self._peers = Peers()
 
     def open(self, topics: Sequence[Topic], command_topic: str) -> None:
-        """Announces topics, and subscribes the velocity commands.
+        """Opens the socket for the bridge to ROS 1 nodes, which announces topics and subscribes velocity commands.
 
         Raises:
             LaunchError: A topic's type is not in ROS 1, or the bridge cannot be listened for.

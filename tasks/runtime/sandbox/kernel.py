@@ -336,6 +336,8 @@ def _instruction(code: int, value: int, *, then: int = 0, otherwise: int = 0) ->
 def give_up_rights(level: BoxLevel, rules: Sequence[Rules] = ()) -> None:
     """Confines this process and its children for good, at a given sandbox level.
 
+    System calls that jobs do not need are blocked at the levels `box` and `landlock`.
+
     Args:
         level: Sandbox level: `box` gives up the privileges over the box that the process is already in; `landlock`
             applies rules; `none` does nothing more.

@@ -70,6 +70,8 @@ def wall_time_used_s(plan: RunPlan) -> float:
 def resumable_plan(folder: Path) -> tuple[RunPlan, CheckpointHeader]:
     """Returns the plan of an interrupted run, and its last checkpoint.
 
+    Makes sure that no other process is running it at that moment.
+
     Args:
         folder: The plan's `checkpoint_dir`.
 
@@ -215,7 +217,7 @@ class TrialCheckpoints:
             self._number, self._used_s = number_of(last[0]), last[1].wall_time_s
 
     def save_if_due(self, trials: int, sim_time_s: float) -> None:
-        """Writes a checkpoint if the last one is old enough.
+        """Writes a checkpoint of a job's trials if the last one is old enough; none for a run without checkpoints.
 
         Args:
             trials: Number of finished trials.

@@ -145,7 +145,7 @@ def _versions_in(folder: Path, changed_ns: int) -> Mapping[str, str]:
 
 
 def _stamp(place: Path) -> str:
-    """Returns a mark that changes when a module whose distribution has another name is installed anew."""
+    """Returns a mark that changes when a module whose distribution has another name is installed anew or deleted."""
     file = place / "__init__.py" if place.is_dir() else place
     if not file.exists():
         return "installed"

@@ -208,6 +208,8 @@ class Program:
     def pause(self, how: str) -> float:
         """Returns how long to wait before the program's restart, in seconds, and notes that in its log.
 
+        Each pause is twice as long as the one before, up to a limit, until the program has run for some time.
+
         Args:
             how: Description of the program's end.
         """

@@ -89,6 +89,8 @@ class CameraRecorder(Observer):
     def watch(self, environment: Any, time_s: float) -> None:
         """Records a picture, and publishes the camera topics that nodes subscribe to.
 
+        If no picture can be made, that is written to standard error, and the camera is not tried again.
+
         Raises:
             RecordingError: The recording cannot be written.
         """

@@ -54,7 +54,7 @@ class LiveFrames:
     """
 
     def __init__(self, backend: str | None, settings: VideoSettings) -> None:
-        """Stores the settings; nothing is rendered before a viewer waits.
+        """Prepares the images of a run's live view; nothing is rendered before a viewer waits.
 
         Args:
             backend: `egl` or `osmesa`; None or `rays`: ray casting.
@@ -206,7 +206,9 @@ class LiveView(Observer):
         settings: VideoSettings,
         patience_s: float = PATIENCE_S,
     ) -> None:
-        """Starts the server, and writes its URL to the log and to `live-view.json`.
+        """Starts the server of a run's live view, and writes its URL to the log and to `live-view.json`.
+
+        If the port cannot be used, that is written to standard error, and there is no live view.
 
         Args:
             plan: Plan of the run; `live_view_port` is the port, 0 for any free one.

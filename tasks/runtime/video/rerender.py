@@ -69,6 +69,8 @@ def write_video(
 ) -> tuple[Image, FilmTimes]:
     """Renders one video from a state log, from a start time to the end.
 
+    Nothing is left of the video after an error.
+
     Args:
         log: State log of the run.
         path: Path of the video.

@@ -36,7 +36,7 @@ class VideoWriter:
     """Writer of an H.264 video file, which is renamed to its path when it is complete."""
 
     def __init__(self, path: Path, size: tuple[int, int], rate_hz: int) -> None:
-        """Opens the file under a temporary name.
+        """Opens a video file (MP4 with H.264) under a temporary name.
 
         Args:
             path: Path of the complete file.
@@ -102,7 +102,7 @@ class ViewRenderer:
         environment_camera: str | None = None,
         said_by: str = CAMERA_VARIABLE,
     ) -> None:
-        """Creates the renderer, with its OpenGL context.
+        """Creates the renderer of a model's views, with its OpenGL context if it needs one.
 
         Args:
             model: The MuJoCo model.
@@ -194,7 +194,7 @@ class VideoWatcher(Observer):
     """
 
     def __init__(self, output_dir: Path, backend: str | None, settings: VideoSettings = DEFAULTS) -> None:
-        """Stores the settings; no file is opened before the first frame.
+        """Prepares the recorder of a run's video and poster; no file is opened before the first frame.
 
         Args:
             output_dir: Folder for `video.mp4` and `poster.png`.

@@ -137,6 +137,8 @@ def _free_shared_memory(folder: Path, notes: Sequence[ContainerNote], environmen
 def _give_back(root: Path, note: ContainerNote, environment: Mapping[str, str]) -> None:
     """Makes this user the owner of files that a container wrote as root, which could not be deleted otherwise.
 
+    Does nothing if this user is root, or all files are this user's own.
+
     Raises:
         EngineError: The image does not have what is needed, or the engine does not answer.
     """

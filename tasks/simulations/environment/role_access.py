@@ -43,6 +43,8 @@ def acting_service(request: Mapping[str, Any], service: Service) -> Service:
 def store_variables(request: Mapping[str, Any], sandbox: Sandbox, service: Service) -> dict[str, str]:
     """Makes the variables that name AWS config files with the address of the object store's S3 server, for a job.
 
+    Returns none if the store has no S3 server and the request no role with credentials. The files are not written here.
+
     Args:
         request: Request of the job.
         sandbox: Folders of the run.
@@ -169,7 +171,7 @@ def _s3cfg(endpoint: str, region: str, keys: Keys | None) -> str:
 
 
 def _write(path: Path, text: str) -> None:
-    """Replaces a file atomically, as a program may be reading it."""
+    """Writes text to a file atomically, as a program may be reading it; creates its folder if necessary."""
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{uuid4().hex}.part")
     temporary.write_text(text, encoding="utf-8")
@@ -186,7 +188,9 @@ _logger = logging.getLogger(__name__)
 
 @contextmanager
 def fresh_keys(request: Mapping[str, Any], service: Service, folder: Path, every_s: float = EVERY_S) -> Generator[None]:
-    """Keeps the role's credentials file up to date inside the `with` block.
+    """Writes the files of a role's credentials, and keeps them up to date in a thread inside the `with` block.
+
+    Does nothing without a role. If credentials cannot be renewed, that is logged.
 
     Args:
         request: Request of the job.

@@ -305,7 +305,10 @@ def _package_of_policy(request: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _network_versions(request: Mapping[str, Any]) -> dict[str, str]:
-    """Returns the version of the library that evaluates a policy's network, on which rounding may depend."""
+    """Returns the version of the library that evaluates a policy's network, on which rounding may depend, by its name.
+
+    Returns an empty dict for other policies, and an empty version if the library is missing.
+    """
     policy = policy_in(request)
     if policy is None or not parse_policy(policy).is_onnx:
         return {}

@@ -169,7 +169,7 @@ def with_launch_file(argv: Sequence[str], file: Path) -> tuple[str, ...]:
 
 
 def _of_this_machine(code: Code, program: Path, which: Which) -> Path:
-    """Returns an archive's program, or this machine's in place of one that belongs to a ROS for another system.
+    """Returns the path of a program of an application's archive, after checking that this machine has its interpreter.
 
     Raises:
         LaunchError: The interpreter of the program is missing on this machine.

@@ -82,7 +82,9 @@ def discovery_variables(suite: Mapping[str, Any] | None, bridge: RosPlan | None)
 
 
 def has_rospy(python: Sequence[str], variables: Mapping[str, str]) -> bool:
-    """Whether rospy is installed, which the bridge to ROS 1 nodes needs.
+    """Whether ROS's own Python has rospy, which the bridge to ROS 1 nodes needs; if not, that is logged.
+
+    False, too, if that Python does not start or answer.
 
     Args:
         python: Command line of ROS's own Python.

@@ -33,6 +33,8 @@ _logger = logging.getLogger(__name__)
 def make_message_package(argv: Sequence[str], variables: Mapping[str, str]) -> bool:
     """Builds the ROS message package of the job services, if necessary; returns whether it exists.
 
+    A failure is logged, and not raised.
+
     Args:
         argv: Command line of `service_node.py make` with the Python of that ROS.
         variables: Environment variables of the launch.

@@ -115,6 +115,8 @@ _FRAME = "map"
 def publish_plan(recorder: Recorder, goal: Point, path: Points, time_s: float) -> None:
     """Records the ROS topics `/goal_pose` and `/plan`, as navigation stacks publish them.
 
+    Does nothing if the run is not recorded.
+
     Args:
         recorder: Recorder of the run.
         goal: Goal of the path, metres.
