@@ -60,7 +60,7 @@ class CatalogLeases(CatalogReader):
     def claim(self, arn: str, owner: str, lease_s: float) -> bool:
         """Takes the lease of a resource (a lock that runs out unless it is renewed) if no other owner holds it.
 
-        A lease that has run out was its owner's until it died: `lost_workers` counts that.
+        A lease that has run out was its owner's until it died: `lost_workers` counts that. Its owner may take it again.
 
         Args:
             arn: The resource.

@@ -201,7 +201,10 @@ def _end_of_task(flow: StateType) -> State[Any]:
 
 
 def was_silent(run: FlowRun) -> bool:
-    """Whether a flow run was marked dead only because it, or its parent flow run, sent no heartbeats."""
+    """Whether a flow run is not marked as crashed, or only because it, or its parent flow run, sent no heartbeats.
+
+    False for a run without a state.
+    """
     state = run.state
     return state is not None and (not state.is_crashed() or state.message in (_NO_SIGN, _PART_OF_DEAD))
 

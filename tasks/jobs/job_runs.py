@@ -281,7 +281,7 @@ class JobRun:
             self._lease.forget_lost_workers()
 
     def _may_try_again(self, run_id: str) -> bool:
-        """Whether to repeat a run that was killed from outside.
+        """Counts a run's death from outside, and returns whether to repeat the run.
 
         It is repeated only while each attempt reaches a later simulated time.
         """

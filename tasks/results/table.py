@@ -210,7 +210,7 @@ class ResultTable:
         return range(rows.start, rows.stop)
 
     def states_of(self, jobs: Iterable[JobRecord], digests: Mapping[str, str]) -> list[str | None]:
-        """Returns the digest of all states of each row; of jobs without trials the table has none.
+        """Returns the digest of all states of each row; `None` if it is in neither the table nor `digests`.
 
         Args:
             jobs: The jobs of the table.
@@ -363,7 +363,7 @@ def _place(job: JobRecord) -> dict[str, str | None]:
 
 
 def _broke_between(job: JobRecord, trials: "pa.Table") -> bool:
-    """Returns whether a job failed although none of its trials did: its program ended, or its machine failed."""
+    """Returns whether a job ended with an error, but none of its trials did: its program ended, or its machine failed."""
     if case_outcome(job.status, job.verdict, job.failure_code) != "broken":
         return False
     return "ERROR" not in trials["verdict"].to_pylist()

@@ -18,7 +18,7 @@ class LoadError(Exception):
 
 
 def add_to_import_path(path: Path) -> None:
-    """Adds the packages of an unpacked bundle to the import path, before installed ones.
+    """Puts the folder of an unpacked bundle at the beginning of the import path, before installed packages.
 
     Raises:
         LoadError: The folder does not exist.

@@ -268,7 +268,7 @@ def _replace_functions(clock):
 
 
 def _of_now(clock, real):
-    """Replaces a function of the module `time` whose argument is now, if it is left out."""
+    """Returns a replacement for a function of `time` that formats or splits a time; left out, it is the held clock's."""
 
     def convert(seconds=None):
         elapsed = clock.read() if seconds is None else None

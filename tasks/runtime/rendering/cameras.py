@@ -80,7 +80,7 @@ DISABLED = "disable"
 
 
 def follow_environment() -> None:
-    """Makes MuJoCo and dm_control use the OpenGL backend that `MUJOCO_GL` names now.
+    """Makes MuJoCo and dm_control use the OpenGL backend that `MUJOCO_GL` names now; does nothing if it names none.
 
     Raises:
         Exception: The requested OpenGL backend is missing; the type depends on what is missing.

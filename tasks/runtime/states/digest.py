@@ -145,7 +145,7 @@ class StateDigest:
         return StateDigestSummary(looks=self._looks, until_s=self._last_s, value=value)
 
     def state(self) -> dict[str, Any]:
-        """Returns the hash chain's state for a checkpoint."""
+        """Writes pending hashes to the file, and returns the hash chain's state for a checkpoint."""
         self._write_block()
         return {"chain": bytes(self._bytes[:_CHAIN_BYTES]), **{name: getattr(self, name) for name in _KEPT}}
 

@@ -240,7 +240,7 @@ class Supervision:
                 self._has_launch_failed(program)
 
     def _has_launch_failed(self, program: Program) -> bool:
-        """Returns whether a program has logged that it could not launch its ROS nodes, which counts as its crash."""
+        """Returns whether a program has logged that it could not launch its ROS nodes; reports that as its crash."""
         if (said := program.launch_failure()) is None:
             return False
         self._on_crash(_crash_of(program, f"failed in its launch: {said}"))

@@ -246,7 +246,7 @@ def _in_trial(ended: Exit) -> str:
 
 
 def signal_name(number: int) -> str:
-    """Returns the name of a signal: `SIGSEGV`."""
+    """Returns the name of a signal, such as `SIGSEGV`; `signal 99` if it has none."""
     try:
         return signal.Signals(number).name
     except ValueError:

@@ -73,7 +73,7 @@ class CameraRecorder(Observer):
         backend: str | None,
         options: Callable[[], RosOptions] = RosOptions,
     ) -> None:
-        """Stores the settings; nothing is rendered before the first call of `watch`.
+        """Prepares the recorder of an environment's camera; nothing is rendered before the first call of `watch`.
 
         Args:
             recorder: Recorder that gets the images; it knows which topics nodes subscribe to.
