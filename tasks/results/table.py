@@ -363,7 +363,7 @@ def _place(job: JobRecord) -> dict[str, str | None]:
 
 
 def _broke_between(job: JobRecord, trials: "pa.Table") -> bool:
-    """Returns whether a job ended with an error, but none of its trials did: its program ended, or its machine failed."""
+    """Returns whether a job ended with an error, but none of its trials did: its program or machine failed."""
     if case_outcome(job.status, job.verdict, job.failure_code) != "broken":
         return False
     return "ERROR" not in trials["verdict"].to_pylist()

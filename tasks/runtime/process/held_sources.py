@@ -268,7 +268,7 @@ def _replace_functions(clock):
 
 
 def _of_now(clock, real):
-    """Returns a replacement for a function of `time` that formats or splits a time; left out, it is the held clock's."""
+    """Returns a function like one of `time` that formats or splits a time; left out, it is the held clock's."""
 
     def convert(seconds=None):
         elapsed = clock.read() if seconds is None else None
