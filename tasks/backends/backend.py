@@ -69,7 +69,7 @@ class ByHandBackend:
     """Backend that starts no job workers itself, and tells the user which command starts one on another machine."""
 
     def check(self) -> None:
-        """Does nothing: a user may start job workers at any time."""
+        """Does nothing, and never raises: a user may start the batch's job workers at any time."""
 
     @contextmanager
     def job_workers(self, batch: str, wanted: int) -> Iterator["ByHandWorkers"]:
@@ -89,7 +89,7 @@ class ByHandWorkers:
         self._words = f"up to {wanted} jobs at once; on each machine: robomaker work {batch}"
 
     def look(self) -> str:
-        """Returns the command by which a user starts a job worker."""
+        """Returns the command by which a user starts a job worker for the batch, as text; starts nothing."""
         return self._words
 
 

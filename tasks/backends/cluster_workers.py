@@ -99,7 +99,10 @@ class Staffing:
 
     @property
     def words(self) -> str:
-        """Number and place of the batch's job workers: `2 job workers on the Dask cluster tcp://10.0.0.7:8786`."""
+        """Number and place of the batch's job workers as text for the user, with the reasons why there are no more.
+
+        An example is `2 job workers on the Dask cluster tcp://10.0.0.7:8786`.
+        """
         count = sum(machine.runs for machine in self._machines.values())
         if count:
             text = f"{count} job worker{'' if count == 1 else 's'} on {self._place}"
@@ -116,7 +119,7 @@ class Staffing:
             raise BackendError(f"no machine of {self._place} can run jobs: {'; '.join(self._reasons())}")
 
     def _reasons(self) -> list[str]:
-        """Returns the reasons why machines of the cluster have no job worker."""
+        """Returns the reasons why machines of the cluster have no job worker, each once, and the number of more."""
         idle = [self._machines[name] for name in self._present if name in self._machines]
         reasons = list(dict.fromkeys(machine.reason for machine in idle if machine.reason and not machine.runs))
         more = len(reasons) - _MOST_REASONS
@@ -154,7 +157,7 @@ class Cluster(Protocol):
         ...
 
     def start(self, machine: str, batch: str) -> Started:
-        """Starts a job worker for a batch on a machine of the cluster.
+        """Starts a job worker for a batch on a machine of the cluster, and returns an object that tells its end.
 
         Raises:
             Exception: The cluster does not answer, or the machine has left it.
@@ -202,7 +205,7 @@ class ClusterWorkers:
         self._thread.start()
 
     def end(self) -> None:
-        """Ends all job workers of the batch."""
+        """Ends the thread and all job workers of the batch on the cluster, waiting a limited time for each."""
         self._over.set()
         self._thread.join(_PATIENCE_S)
         self._cluster.end_all(_PATIENCE_S)

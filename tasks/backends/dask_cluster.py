@@ -43,12 +43,15 @@ class _DaskBackend:
         self._place = f"the Dask cluster {address}"
 
     def check(self) -> None:
-        """Checks that the scheduler of the Dask cluster answers."""
+        """Raises `BackendError` if the scheduler of the Dask cluster does not answer."""
         check_answer(self._place, self._address, "dask scheduler")
 
     @contextmanager
     def job_workers(self, batch: str, wanted: int) -> Generator[ClusterWorkers]:
-        """Starts job workers for a batch on the Dask cluster inside a `with` block."""
+        """Starts job workers for a batch on the Dask cluster inside the `with` block, and ends them after it.
+
+        Raises `BackendError` if the cluster cannot be used.
+        """
         from distributed import Client
 
         self.check()
@@ -86,7 +89,12 @@ class DaskCluster:
         return self.addresses.keys()
 
     def start(self, machine: str, batch: str) -> "_Task":
-        """Starts a job worker for a batch on a Dask worker."""
+        """Starts a job worker for a batch on a Dask worker, and returns an object that tells when it has ended.
+
+        Args:
+            machine: Name of the Dask worker, as in `machines`.
+            batch: ARN of the batch.
+        """
         address = self.addresses[machine]
         future = self._client.submit(
             _task(), batch, workers=[address], allow_other_workers=False, pure=False, retries=0, key=None
@@ -96,7 +104,10 @@ class DaskCluster:
         return task
 
     def end_all(self, patience_s: float) -> None:
-        """Cancels the job workers' Dask tasks, and waits until no Dask worker runs one."""
+        """Cancels the job workers' Dask tasks, and waits until no Dask worker runs one, at most `patience_s` seconds.
+
+        Errors of the cluster are ignored.
+        """
         with suppress(OSError, TimeoutError):
             keys = {task.future.key for task in self._tasks}
             self._client.cancel([task.future for task in self._tasks], reason="the batch is over")
@@ -110,7 +121,7 @@ class DaskCluster:
 
 
 class _Task:
-    """Dask task that runs a job worker."""
+    """Job worker that was started as a task on a Dask worker, with the means to see whether it has ended."""
 
     def __init__(self, cluster: DaskCluster, machine: str, address: str, future: "Future") -> None:
         self.future = future
@@ -119,7 +130,10 @@ class _Task:
         self._address = address
 
     def ended(self) -> Ended | None:
-        """Returns how the job worker, or its Dask worker, ended; `None` if it has not."""
+        """Returns how the job worker, or its Dask worker, ended; `None` if it has not.
+
+        A task that waits for a Dask worker that is gone is cancelled.
+        """
         if self.future.status == "finished":
             return Ended(*self.future.result())
         if self.future.status == "error":

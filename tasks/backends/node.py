@@ -33,7 +33,7 @@ class Ended(NamedTuple):
 
     @property
     def reason(self) -> str:
-        """Reason for the job worker's end, in one line."""
+        """Reason for the job worker's end in one line: its host, and its last written line or else its exit code."""
         said = self.last_words.strip().splitlines()
         return f"{self.host}: {said[-1] if said else f'exit code {self.exit_code}'}"
 

@@ -118,7 +118,7 @@ class PoolRuns:
         self._last_end = ""
 
     def check(self) -> None:
-        """Checks that the work pool can start job workers; a server that does not answer is asked again later.
+        """Checks that the work pool can start job workers; a server that does not answer is logged, and asked later.
 
         Raises:
             BackendError: The work pool cannot start job workers.
@@ -130,7 +130,7 @@ class PoolRuns:
             _logger.warning("the Prefect server does not answer; job workers start once it does: %s", error)
 
     def staffed(self) -> str:
-        """Orders missing job workers as flow runs, and cancels scheduled ones that are too many.
+        """Orders missing job workers as flow runs, and deletes waiting ones that are too many.
 
         Returns:
             Text for the user about the job workers.
@@ -165,7 +165,7 @@ class PoolRuns:
             return f"the Prefect server does not answer; job workers in the work pool {self.pool} go on with their jobs"
 
     def take_back(self, *, also_running: bool) -> bool:
-        """Cancels the job workers' flow runs that have not begun.
+        """Deletes the job workers' flow runs that have not begun.
 
         Args:
             also_running: Whether those that run are cancelled, too.
@@ -201,7 +201,10 @@ class PoolRuns:
         return found.id
 
     def _room(self) -> tuple[int, str]:
-        """Returns the number of job workers to run, and a note for the user about what limits it."""
+        """Returns the number of job workers to run, and a note for the user about what limits it (empty: nothing).
+
+        Raises `BackendError` if there is no such work pool, or its number of machines is not known.
+        """
         try:
             pool = self._client.read_work_pool(self.pool)
             workers = self._client.read_workers_for_work_pool(self.pool, limit=_PAGE)
@@ -223,7 +226,11 @@ class PoolRuns:
         return min(limits), _trouble(pool, online)
 
     def _alive(self) -> list[FlowRun]:
-        """Returns the flow runs that have not ended, and records those that have."""
+        """Returns the job workers' flow runs that have not ended, and records those that ended since the last call.
+
+        A run that has been pending too long is set to crashed, as the Prefect worker that took it has died; it is
+        returned too.
+        """
         runs = self._runs()
         ended = {run.id for run in runs if run.state is None or run.state.is_final()}
         if self._ended is not None:  # else they ended before this process was there
@@ -249,7 +256,7 @@ class PoolRuns:
         _logger.warning("the job worker %s of %s ended before its batch: %s", run.name, self.tag, self._last_end)
 
     def _runs(self) -> list[FlowRun]:
-        """Returns the newest flow runs of the batch's job workers."""
+        """Returns the newest flow runs of the batch's job workers from the Prefect server, at most a page of them."""
         assert self._deployment is not None
         return self._client.read_flow_runs(
             flow_run_filter=FlowRunFilter(
@@ -267,12 +274,12 @@ class PoolRuns:
         )
 
     def _take_back_some(self, alive: list[FlowRun], count: int) -> None:
-        """Cancels `count` of the flow runs that are waiting; running ones continue."""
+        """Deletes up to `count` of the job workers' flow runs that no Prefect worker has taken; the others continue."""
         for run in [run for run in alive if _is_waiting(run)][:count]:
             self._delete(run)
 
     def _delete(self, run: FlowRun) -> None:
-        """Deletes a waiting flow run, so that no Prefect worker begins it."""
+        """Cancels and deletes a waiting flow run, so that no Prefect worker begins it; one just taken stays."""
         words = "the batch needs no further job worker"
         # Told first: a worker that has just taken it sees a state that it knows.
         answer = self._client.set_flow_run_state(run.id, Cancelled(message=words))
@@ -303,12 +310,12 @@ def _is_waiting(run: FlowRun) -> bool:
 
 
 def _ran_s(run: FlowRun) -> float:
-    """Returns how long a flow run has been running, in seconds."""
+    """Returns the time, in seconds, for which a flow run ran or has been running; 0 if it has not started."""
     if run.start_time is None:
         return 0.0
     return ((run.end_time or datetime.now(UTC)) - run.start_time).total_seconds()
 
 
 def _age_s(run: FlowRun) -> float:
-    """Returns how long a flow run has been in its current state, in seconds."""
+    """Returns the time, in seconds, for which a flow run has been in its present state; 0 if it has none."""
     return 0.0 if run.state is None else (datetime.now(UTC) - run.state.timestamp).total_seconds()

@@ -41,12 +41,15 @@ class _RayBackend:
         self._address = address
 
     def check(self) -> None:
-        """Checks that the head of the Ray cluster answers."""
+        """Raises `BackendError` if the head of the Ray cluster does not answer."""
         check_answer(f"the Ray cluster {self._address}", self._address, "ray start --head")
 
     @contextmanager
     def job_workers(self, batch: str, wanted: int) -> Generator[JobWorkers]:
-        """Starts job workers for a batch on the Ray cluster inside a `with` block."""
+        """Starts job workers for a batch on the Ray cluster inside the `with` block, and ends them after it.
+
+        Raises `BackendError` if the cluster does not answer.
+        """
         self.check()
         driver = RayDriver(self._address, batch, wanted)
         try:
@@ -75,7 +78,7 @@ class RayDriver:
         self._start()
 
     def look(self) -> str:
-        """Returns the state of the job workers as text for the user.
+        """Starts the child process that runs job workers, also after it died, and returns their state as text.
 
         Raises:
             BackendError: No machine can run jobs.
@@ -90,7 +93,7 @@ class RayDriver:
         return self._words
 
     def close(self) -> None:
-        """Ends the job workers, then the child process."""
+        """Ends the job workers on the Ray cluster, then the child process that is connected to it, if there is one."""
         if self._process is not None:
             self._end(self._process)
 

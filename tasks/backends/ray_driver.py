@@ -48,7 +48,12 @@ class RayCluster:
         return self._nodes.keys()
 
     def start(self, machine: str, batch: str) -> "_Started":
-        """Starts a job worker for a batch on a Ray node."""
+        """Starts a job worker for a batch on a Ray node, and returns an object that tells when it has ended.
+
+        Args:
+            machine: Id of the Ray node.
+            batch: ARN of the batch.
+        """
         from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
         node = self._nodes[machine]
@@ -70,7 +75,7 @@ class RayCluster:
 
 
 class _Started:
-    """Ray task that runs a job worker."""
+    """Job worker that was started as a task on a Ray node, with the means to see whether it has ended."""
 
     def __init__(self, ray: Any, host: str, reference: Any) -> None:
         self.reference = reference
@@ -79,7 +84,7 @@ class _Started:
         self._host = host
 
     def ended(self) -> Ended | None:
-        """Returns how the job worker, or its Ray node, ended; `None` if it has not."""
+        """Returns how the job worker, or its Ray node, ended; `None` if it has not ended."""
         ready, _ = self._ray.wait([self.reference], timeout=0)
         if not ready:
             return None
@@ -109,7 +114,15 @@ def _task() -> Task:
 
 
 def main(address: str, batch: str, wanted: str) -> None:
-    """Runs job workers for a batch on a Ray cluster until standard input is closed; entry point of a child process."""
+    """Runs job workers for a batch on a Ray cluster until standard input is closed; entry point of a child process.
+
+    Writes JSON lines to standard output: the state of the job workers as `words` when it changes, and a final `error`.
+
+    Args:
+        address: Address of the Ray cluster.
+        batch: ARN of the batch.
+        wanted: Number of job workers that can be of use, as text.
+    """
     output = os.fdopen(os.dup(1), "w", buffering=1)
     os.dup2(2, 1)  # what Ray prints is not meant for who reads us
     os.environ["RAY_ENABLE_AUTO_CONNECT"] = "0"  # else it starts a cluster here once the other is gone

@@ -43,7 +43,7 @@ class WorkPool:
     look_s: float = _LOOK_S
 
     def check(self) -> None:
-        """Checks that the work pool exists and has a deployment of the job worker."""
+        """Raises `BackendError` if the Prefect server has no such work pool, or no deployment of the job worker."""
         from .pool_runs import opened_pool
 
         with opened_pool(self.name, self.most, batch="", wanted=1):
@@ -115,7 +115,9 @@ class PoolWorkers:
         self._keeper.start()
 
     def end(self, *, also_running: bool) -> None:
-        """Cancels job workers that have not begun; running ones end by themselves, because the batch is over.
+        """Deletes flow runs of job workers that have not begun; running ones end by themselves as the batch is over.
+
+        If the Prefect server does not answer, that is logged, and flow runs may be left.
 
         Args:
             also_running: Whether the batch is not over, so that running ones have to be cancelled.

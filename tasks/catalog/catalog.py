@@ -155,7 +155,7 @@ class Catalog(CatalogLeases):
         return Resource(**row)
 
     def create_numbered(self, parent: str, make: Callable[[Resource, int], NewResource], *, most: int) -> Resource:
-        """Adds a child resource (such as a version) with its parent's next number, which no other caller gets.
+        """Adds and returns a child resource (such as a version) with its parent's next number, which no other gets.
 
         Args:
             parent: ARN of the resource they belong to; its document counts them in `lastNumber`.
@@ -214,7 +214,7 @@ class Catalog(CatalogLeases):
         labels: Mapping[str, Sequence[str]] | None = None,
         status: str | None = None,
     ) -> Resource:
-        """Changes members of a resource's document in the catalog.
+        """Changes members of a resource's document in the catalog, and returns the changed resource.
 
         Args:
             arn: ARN of the resource.
@@ -271,7 +271,7 @@ class Catalog(CatalogLeases):
                     connection.execute(_CHANGED_DOCUMENT.values(updated_at=now), values)
 
     def set_tags(self, arn: str, tags: Mapping[str, str]) -> Resource:
-        """Adds tags to a resource, or replaces their values; this does not count as an update of the resource.
+        """Adds tags to a resource, or replaces their values, and returns it; this does not count as an update of it.
 
         Raises:
             ResourceNotFoundException: The catalog has no such resource.
@@ -284,7 +284,7 @@ class Catalog(CatalogLeases):
         return self._change(arn, None, merged)
 
     def remove_tags(self, arn: str, keys: Iterable[str]) -> Resource:
-        """Removes tags from a resource, by key; keys that it does not have are ignored.
+        """Removes tags from a resource, by key, and returns it; keys that it does not have are ignored.
 
         Raises:
             ResourceNotFoundException: The catalog has no such resource.
@@ -306,7 +306,9 @@ class Catalog(CatalogLeases):
         owner: str | None = None,
         labels: Mapping[str, Sequence[str]] | None = None,
     ) -> Resource:
-        """Changes a resource's status by an event of its state machine; of several concurrent callers one succeeds.
+        """Changes a resource's status by an event of its state machine, and returns the resource.
+
+        Of several concurrent callers one succeeds.
 
         Args:
             arn: ARN of the resource.
@@ -343,9 +345,11 @@ class Catalog(CatalogLeases):
         return self._change(arn, owner, compute)
 
     def _change(self, arn: str, owner: str | None, compute: Callable[[RowMapping], dict[str, Any]]) -> Resource:
-        """Changes a resource's row by compare-and-set with the values that `compute` returns.
+        """Changes a resource's row by compare-and-set with the values that `compute` returns, and returns the resource.
 
-        The change is repeated if another process changed the row meanwhile.
+        The change is repeated if another process changed the row meanwhile. Raises `StateConflictError` if `owner` does
+        not hold the lease, `ResourceNotFoundException` if there is no such resource, and an error after too many
+        attempts.
         """
         for _ in range(_MAX_ATTEMPTS):
             with self._transaction(self._writer) as connection:
@@ -368,7 +372,7 @@ class Catalog(CatalogLeases):
     # Cancelling
 
     def request_cancel(self, arn: str) -> Resource:
-        """Marks a resource to be cancelled, for its job worker to see; a resource that has ended is not changed.
+        """Marks a resource to be cancelled, for its job worker to see, and returns it; an ended one is not changed.
 
         Raises:
             ResourceNotFoundException: The catalog has no such resource.
@@ -391,7 +395,7 @@ class Catalog(CatalogLeases):
 
 
 def _changed(document: Stored, change: Change) -> Stored:
-    """Returns a document after a change; a whole document replaces it."""
+    """Returns a stored document after a change: `Changes` set some members, a whole document replaces it."""
     if isinstance(change, Document):
         return change.to_json()
     return {**document, **change.to_json()} if isinstance(change, Changes) else dict(change)

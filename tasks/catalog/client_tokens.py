@@ -74,7 +74,7 @@ class ClientToken:
 
     @classmethod
     def of(cls, operation: str, request: Shape) -> "ClientToken | None":
-        """Returns the token in a request's `clientRequestToken`; `None` if it has none."""
+        """Returns the token in a request's `clientRequestToken`, with a hash of the request; `None` if it has none."""
         members = request.model_dump(mode="json", exclude_none=True)
         token = members.pop("clientRequestToken", None)
         if token is None:
@@ -89,7 +89,7 @@ class ClientToken:
 
 
 def find_resource(connection: Connection, token: ClientToken, account: str) -> Resource | None:
-    """Finds the resource that an earlier call of the same account with the same client token created.
+    """Returns the resource that an earlier call of the same account with the same client token created, else `None`.
 
     Raises:
         IdempotentParameterMismatchException: The earlier call with this client token had another request.
@@ -106,7 +106,7 @@ def find_resource(connection: Connection, token: ClientToken, account: str) -> R
 
 
 def store_token(connection: Connection, token: ClientToken, account: str, arn: str) -> None:
-    """Stores the client token of the call that created the resource `arn`."""
+    """Stores in the catalog the client token of the call that created the resource `arn`, in the same transaction."""
     connection.execute(
         insert(client_tokens).values(
             operation=token.operation, account=account, token=token.stored, request_hash=token.request_hash, arn=arn

@@ -35,7 +35,7 @@ which parts exist.
 
 
 def open_engine(url: str) -> Engine:
-    """Connects to a catalog's database and updates its tables to this release.
+    """Connects to a catalog's database, updates its tables to this release, and returns its engine.
 
     Raises:
         CatalogAwayError: The database's server is away, or has not started or ended yet.
@@ -76,7 +76,7 @@ def writing(engine: Engine) -> Engine:
 
 
 def reading_once(engine: Engine) -> Engine:
-    """Returns the database engine without transactions, for single read statements; this is faster with SQLite."""
+    """Returns a view of the database engine without transactions, for single read statements: faster with SQLite."""
     return engine.execution_options(catalog_reads_once=True)
 
 

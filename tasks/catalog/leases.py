@@ -60,7 +60,7 @@ class CatalogLeases(CatalogReader):
     def claim(self, arn: str, owner: str, lease_s: float) -> bool:
         """Takes the lease of a resource (a lock that runs out unless it is renewed) if no other owner holds it.
 
-        A lease that has run out was its owner's until it died: `lost_workers` counts that.
+        A lease that has run out was its owner's until it died: `lost_workers` counts that. Its owner may take it again.
 
         Args:
             arn: The resource.
@@ -160,7 +160,7 @@ class CatalogLeases(CatalogReader):
         return row[0], bool(row[1])
 
     def ownerships(self, arns: Iterable[str]) -> dict[str, Ownership]:
-        """Returns the owners of some jobs' leases, by ARN; jobs that do not exist are left out."""
+        """Returns who owns or owned the leases of some jobs, by the job's ARN; jobs that do not exist are left out."""
         wanted = sorted(set(arns))
         found: dict[str, Ownership] = {}
         with self._transaction(self._engine) as connection:
@@ -244,7 +244,7 @@ class CatalogLeases(CatalogReader):
             return tuple(resource_of(row) for row in connection.execute(oldest_first).mappings())
 
     def ordered_for_oneself(self) -> tuple[Resource, ...]:
-        """Lists unfinished jobs that only the process which ordered them was to run, oldest first."""
+        """Lists the unfinished jobs that only the process which ordered them was to run, oldest first, held or not."""
         living = or_(
             *(and_(resources.c.kind == kind, resources.c.status.in_(alive(kind))) for kind in LIFECYCLES),
         )

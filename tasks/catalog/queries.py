@@ -101,13 +101,13 @@ def _on_postgresql(element: _Picked, compiler: SQLCompiler, **more: Any) -> str:
 
 
 def picked(members: Sequence[str]) -> Label[Any]:
-    """Returns a database column with only some members of a resource's document."""
+    """Returns a database column with only some members of a resource's document; an empty one if none is named."""
     column: ColumnElement[Any] = _Picked(resources.c.document, *map(literal, members)) if members else null()
     return column.label(resources.c.document.name)
 
 
 def of_picked(values: Sequence[Any] | None, members: Sequence[str]) -> Mapping[str, Any]:
-    """Reads the members of a document from the columns that `picked` selected."""
+    """Returns the document members that `picked` has selected, by name; members without a value are left out."""
     found = zip(members, (values or [None])[1:], strict=True)
     return {member: value for member, value in found if value is not None}
 
@@ -143,13 +143,13 @@ _FILTERS = {"name": resources.c.name, "parent": resources.c.parent, "status": re
 
 
 def resource_of(row: RowMapping, **changes: Any) -> Resource:
-    """Makes a resource from a database row, with some values replaced."""
+    """Returns the resource that a database row holds, with some values replaced."""
     values = {column.name: row[column.name] for column in COLUMNS} | changes
     return Resource(**values)
 
 
 def not_found(arn: str) -> ResourceNotFoundException:
-    """Makes the error for an ARN that is not in the catalog."""
+    """Returns, without raising it, the error for an ARN that is not in the catalog."""
     return ResourceNotFoundException(f"there is no resource {arn}")
 
 
@@ -159,7 +159,7 @@ def changed_one(result: Any) -> bool:
 
 
 def one_row(connection: Connection, arn: str, kind: str | None = None) -> RowMapping:
-    """Reads the database row of a resource, with its lease's owner.
+    """Returns the database row of a resource, with its lease's owner.
 
     Raises:
         ResourceNotFoundException: The catalog has no resource of this ARN and kind.
@@ -256,7 +256,7 @@ def has_member(name: str) -> ColumnElement[bool]:
 
 
 def only_members(query: Select[Any], members: Sequence[str]) -> Select[Any]:
-    """Changes a database query to read only a few members of each document."""
+    """Returns a database query that reads only a few members of each document."""
     columns = (column for column in COLUMNS if column is not resources.c.document)
     return query.with_only_columns(resources.c.sequence, *columns, picked(members))
 
@@ -267,7 +267,7 @@ def resource_with(row: RowMapping, members: Sequence[str]) -> Resource:
 
 
 def insert_labels(connection: Connection, sequence: int, labels: Mapping[str, Sequence[str]]) -> None:
-    """Adds labels (searchable key-value pairs) to a resource's database row."""
+    """Adds labels (key-value pairs by which lists filter) to a resource's database row; existing ones stay."""
     rows = [
         {"sequence": sequence, "key": key, "value": value}
         for key, values in labels.items()
@@ -278,7 +278,7 @@ def insert_labels(connection: Connection, sequence: int, labels: Mapping[str, Se
 
 
 def replace_labels(connection: Connection, arn: str, labels: Mapping[str, Sequence[str]]) -> None:
-    """Replaces the labels (searchable key-value pairs) of a resource's database row."""
+    """Replaces all labels (key-value pairs by which lists filter) of a resource; does nothing if it does not exist."""
     sequence = connection.scalar(_SEQUENCE, {"of": arn})
     if sequence is not None:
         connection.execute(_OLD_LABELS, {"of": sequence})

@@ -51,7 +51,7 @@ _REVISIONS = (
 
 
 class CatalogReader:
-    """Read-only access to the catalog, the database of all resources; `Catalog` adds the changes."""
+    """Read access to the catalog, the database of all resources; its subclass `Catalog` adds the changes."""
 
     def __init__(self, url: str, clock: Callable[[], datetime]) -> None:
         self._engine = open_engine(url)
@@ -59,11 +59,11 @@ class CatalogReader:
         self._clock = clock
 
     def reading(self) -> AbstractContextManager[Connection]:
-        """Opens a read transaction on the catalog's database, for tables of optional parts such as fleets."""
+        """Returns a read transaction on the catalog's database, to be entered, for optional tables such as fleets."""
         return self._transaction(self._engine)
 
     def writing(self) -> AbstractContextManager[Connection]:
-        """Opens a write transaction on the catalog's database, for tables of optional parts such as fleets."""
+        """Returns a write transaction on the catalog's database, to be entered, for optional tables such as fleets."""
         return self._transaction(self._writer)
 
     def close(self) -> None:
@@ -71,7 +71,7 @@ class CatalogReader:
         self._engine.dispose()
 
     def get(self, arn: str, kind: str | None = None) -> Resource:
-        """Reads a resource by its ARN.
+        """Returns the resource with an ARN.
 
         Args:
             arn: ARN of the resource.
@@ -84,7 +84,7 @@ class CatalogReader:
             return resource_of(one_row(connection, arn, kind))
 
     def get_many(self, arns: Iterable[str], members: Sequence[str] | None = None) -> dict[str, Resource]:
-        """Reads several resources by ARN; those that do not exist are left out.
+        """Returns several resources by their ARNs; those that do not exist are left out.
 
         Args:
             arns: ARNs of the resources.
@@ -102,7 +102,7 @@ class CatalogReader:
         return found
 
     def find_by_client_token(self, token: ClientToken | None, account: str) -> Resource | None:
-        """Finds the resource that an earlier call with the same client token created, if any.
+        """Returns the resource that an earlier call with the same client token created; `None` if there is none.
 
         Handlers ask this before they check anything else: a repeated call succeeds whatever has changed since.
 
@@ -141,7 +141,7 @@ class CatalogReader:
             return tuple(resource_of(row) for row in connection.execute(query).mappings())
 
     def children(self, parent: str, kind: str) -> tuple[Resource, ...]:
-        """Lists the children of a resource (such as the jobs of a batch), oldest first."""
+        """Lists the children of one kind of a resource (such as the jobs of a batch), oldest first."""
         query = select(*COLUMNS).where(resources.c.parent == parent, resources.c.kind == kind)
         with self._transaction(self._engine) as connection:
             return tuple(
@@ -149,7 +149,7 @@ class CatalogReader:
             )
 
     def child_revisions(self, parent: str, kind: str) -> dict[str, int]:
-        """Returns the revision numbers of a resource's children, by ARN, to find out which have changed."""
+        """Returns the revision numbers of a resource's children, by ARN; each change of a child raises its number."""
         with self._transaction(self._once) as connection:
             return {row[0]: row[1] for row in connection.execute(_REVISIONS, {"of": parent, "each": kind})}
 
@@ -174,7 +174,7 @@ class CatalogReader:
             return {row[0]: row[1] for row in connection.execute(query.group_by(resources.c.parent))}
 
     def count_children(self, parent: str, kind: str) -> dict[str, int]:
-        """Counts the children of a parent, by status."""
+        """Counts the children of one kind of a resource by their status; statuses without any are left out."""
         with self._transaction(self._once) as connection:
             return {row[0]: row[1] for row in connection.execute(_STATUSES, {"of": parent, "each": kind})}
 
@@ -196,7 +196,7 @@ class CatalogReader:
         members: Sequence[str] | None = None,
         without: Mapping[str, Collection[str]] = MappingProxyType({}),
     ) -> Page:
-        """Reads a page of a list of resources, newest first; resources added meanwhile do not shift later pages.
+        """Returns a page of a list of resources, newest first; resources added meanwhile do not shift later pages.
 
         Args:
             kinds: Kinds of the listed resources.
@@ -240,7 +240,7 @@ class CatalogReader:
             return tuple(resource_with(row, members) for row in connection.execute(query).mappings())
 
     def count(self) -> dict[str, dict[str, int]]:
-        """Counts all resources in the catalog, by kind and status."""
+        """Counts all resources in the catalog, by kind and then by status; absent ones are left out."""
         query = select(resources.c.kind, resources.c.status, func.count()).group_by(
             resources.c.kind, resources.c.status
         )
@@ -256,7 +256,7 @@ class CatalogReader:
         return self._engine.url.render_as_string(hide_password=True)
 
     def children_standing(self, parent: str, kind: str) -> dict[str, str]:
-        """Returns the statuses of a resource's children, by ARN."""
+        """Returns the statuses of a resource's children of one kind, by their ARN."""
         query = select(resources.c.arn, resources.c.status).where(
             resources.c.parent == parent, resources.c.kind == kind
         )

@@ -59,7 +59,7 @@ class Resource(NewResource):
         labels: Mapping[str, Sequence[str]] | None = None,
         document: Document | Mapping[str, Any] | None = None,
     ) -> NewResource:
-        """Makes a new resource to add to the catalog, which sets the times."""
+        """Returns a new resource for the catalog, which sets its times when it is added; omitted members are empty."""
         return NewResource(
             arn=arn,
             kind=kind,
@@ -75,7 +75,7 @@ class Resource(NewResource):
 
 @dataclass(frozen=True)
 class FirstLease:
-    """Lease (time-limited lock) of a new job that is held from the moment the job is stored."""
+    """Lease (time-limited lock) of a new job that is held from the moment the job is stored, and for which process."""
 
     owner: str
     """Name of the process that ordered a job for itself; no other process has that name."""
@@ -89,7 +89,7 @@ class FirstLease:
 
 @dataclass(frozen=True)
 class Ownership:
-    """Owner of a job's lease, and whether the lease is still valid."""
+    """Owner of a job's lease (lock), whether it holds it or gave it up, and the last job worker that was lost."""
 
     owner: str | None
     """Name of the lease's current or last owner; `None`: no process has held it."""

@@ -30,11 +30,11 @@ class UtcTime(TypeDecorator[datetime]):
     cache_ok = True
 
     def process_bind_param(self, value: datetime | None, dialect: Dialect) -> int | None:  # noqa: ARG002 - interface
-        """Converts a time to microseconds since 1970, to store it."""
+        """Converts a time with a zone to microseconds since 1970, to store it; `None` stays `None`."""
         return None if value is None else (value - _EPOCH) // _MICROSECOND
 
     def process_result_value(self, value: Any | None, dialect: Dialect) -> datetime | None:  # noqa: ARG002 - interface
-        """Converts stored microseconds since 1970 to a time in UTC."""
+        """Converts stored microseconds since 1970 to a time in UTC; `None` stays `None`."""
         return None if value is None else _EPOCH + value * _MICROSECOND
 
 

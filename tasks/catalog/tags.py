@@ -31,14 +31,14 @@ def merged_tags(arn: str, before: Mapping[str, str], added: Mapping[str, str]) -
 
 
 def insert_tags(connection: Connection, kind: str, sequence: int, tags: Mapping[str, str]) -> None:
-    """Adds tags to a resource's database row, so that lists can filter by them."""
+    """Adds tags to a resource's database rows for tags, by which lists filter; existing ones stay."""
     rows = [{"kind": kind, "key": key, "value": value, "sequence": sequence} for key, value in tags.items()]
     if rows:
         connection.execute(_ADDED, rows)
 
 
 def replace_tags(connection: Connection, arn: str, tags: Mapping[str, str]) -> None:
-    """Replaces the tags of a resource's database row."""
+    """Replaces all tags of a resource, by which lists filter, in the database; does nothing if it does not exist."""
     place = connection.execute(_PLACE, {"of": arn}).one_or_none()
     if place is not None:
         connection.execute(_OLD, {"of": place.sequence})

@@ -109,7 +109,10 @@ def _flaws(
 
 
 def _sha256(store: ObjectStore, bucket: str, key: str) -> str:
-    """Returns the SHA-256 of an object's content, downloaded to a file, since an object may be larger than memory."""
+    """Returns the SHA-256 of an object's content as hexadecimal text, or a text that says that the object is gone.
+
+    The content is downloaded to a temporary file, since an object may be larger than memory.
+    """
     with tempfile.TemporaryDirectory(prefix="robomaker-fsck-") as folder:
         path = Path(folder) / "content"
         try:
@@ -159,7 +162,7 @@ class _Check:
     buckets: set[str] = field(default_factory=set[str])
 
     def run(self) -> ConsistencyReport:
-        """Runs all consistency checks of catalog and object store, and returns the report."""
+        """Checks the whole catalog against the object store, mends findings if asked to, and returns the report."""
         self.buckets.add(self.service.settings.bucket)
         checked = [each for page in self._pages() for each in run_all(self._checked, page)]
         findings = [finding for _, _, found in checked for finding in found]
@@ -180,7 +183,10 @@ class _Check:
                 return
 
     def _checked(self, resource: Resource) -> tuple[int, int, list[Finding]]:
-        """Checks one resource's stored outputs; returns the numbers of objects and bytes, and the findings."""
+        """Compares one resource's stored outputs with its record; returns numbers of objects and bytes, and findings.
+
+        An unreadable or missing object becomes a finding. Raises `StorageUnavailableError` if the object store is away.
+        """
         objects, size_bytes, findings = 0, 0, list[Finding]()
         for thing in stored_of(resource):
             bucket = thing.place.bucket if isinstance(thing, Folder) else thing.bucket
@@ -221,7 +227,7 @@ class _Check:
         return _done(finding, partial(finish_thinning, self.service.store, place.bucket, place.prefix))
 
     def _only_here(self) -> Iterator[Finding]:
-        """Yields outputs of ended jobs that exist only on this machine."""
+        """Yields a finding for each ended job whose outputs exist only here; uploads them if asked to mend."""
         for kept in find_kept(self.service):
             finding = Finding(
                 problem=Problem.ONLY_HERE,
@@ -233,7 +239,10 @@ class _Check:
             yield _done(finding, partial(store_kept, kept, self.service)) if self.mend else finding
 
     def _half_uploaded(self) -> Iterator[Finding]:
-        """Yields parts of files whose multipart uploads were interrupted."""
+        """Yields a finding for each old unfinished multipart upload; deletes the uploaded parts if mending was asked.
+
+        Buckets that cannot be listed are left out. Raises `StorageUnavailableError` if the object store is away.
+        """
         before = self.service.clock() - UNFINISHED_AFTER
         for bucket in sorted(self.buckets):
             try:
@@ -252,7 +261,10 @@ class _Check:
                 yield _done(finding, partial(self.service.store.abort_upload, upload)) if self.mend else finding
 
     def _unknown(self) -> Iterator[Finding]:
-        """Yields outputs in the service's own bucket that belong to no job in the catalog."""
+        """Yields a finding for each job folder in the service's own bucket that belongs to no job in the catalog.
+
+        Yields none if the bucket cannot be listed. Raises `StorageUnavailableError` if the object store is away.
+        """
         bucket = self.service.settings.bucket
         try:
             keys = [info.key for info in self.service.store.list(bucket, _JOBS)]
@@ -276,7 +288,10 @@ def _key(thing: Folder | Single) -> str:
 
 
 def _done(finding: Finding, mend: partial[object]) -> Finding:
-    """Repairs a finding; a failure is recorded in the finding, and does not end the check."""
+    """Repairs a finding by calling `mend`, and returns it marked as mended, or with the failure in its detail.
+
+    Raises `StorageUnavailableError` if the object store is away; other failures do not end the check.
+    """
     try:
         mend()
     except StorageUnavailableError:

@@ -122,7 +122,7 @@ class Slots:
 
     @property
     def count(self) -> int:
-        """Number of concurrency slots of a batch that this worker holds."""
+        """Number of the batch's concurrency slots that this process holds, free ones and used ones."""
         with self._changed:
             return len(self._free) + len(self._used)
 
@@ -149,7 +149,14 @@ class Slots:
         return None
 
     def _await_turn(self, should_stop: Callable[[], bool], place: int | None) -> None:
-        """Waits until all jobs before this one have had their turn, although more wait than there are slots."""
+        """Waits until all jobs that come before this one have had their turn to take a slot, so that the order is kept.
+
+        Returns early if `should_stop` says so. A job that does not come for a long time is left out of the order.
+
+        Args:
+            should_stop: Called while waiting.
+            place: Position of this job in the order; `None`: it does not wait.
+        """
         with self._changed:
             late_s = time.monotonic() + _TURN_TIMEOUT_S
             if place is not None:
@@ -167,7 +174,10 @@ class Slots:
             self._changed.notify_all()
 
     def _keep(self) -> None:
-        """Renews the slots' leases and follows changes of the limit, until the object is closed."""
+        """Renews the slots' leases at the Prefect server and follows changes of the limit, until the object is closed.
+
+        A failure is logged and tried again; this is the body of a thread.
+        """
         renewed_at = time.monotonic()
         while not self._closed.wait(self._look_s):
             try:
@@ -194,14 +204,17 @@ class Slots:
                 self._free.remove(lease)
 
     def _follow_limit(self) -> None:
-        """Releases slots above the limit, and takes free ones below it."""
+        """Reads the batch's limit from the Prefect server, releases free slots above it, and takes slots up to it."""
         self._limit = self._connection.read_global_concurrency_limit_by_name(self.name).limit
         while surplus := self._surplus():
             self._give_back(surplus)
         self._take_what_there_is()
 
     def _surplus(self) -> UUID | None:
-        """Returns a free slot above the limit; slots in use are released when their jobs have ended."""
+        """Takes a free slot that is above the limit out of the free ones, and returns it; `None` if there is none.
+
+        Slots in use are released when their jobs have ended.
+        """
         with self._changed:
             too_many = len(self._free) + len(self._used) > self._limit
             return self._free.pop() if too_many and self._free else None

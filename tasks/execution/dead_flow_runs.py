@@ -85,7 +85,9 @@ class Swept:
 
 
 def ensure_automation(client: SyncPrefectClient) -> UUID:
-    """Creates or updates the Prefect automation that marks flow runs as crashed when they send no heartbeats.
+    """Makes sure that one Prefect automation marks flow runs as crashed that send no heartbeats.
+
+    Deletes automations of the same name that have another content, or are there twice; creates one if none is left.
 
     Returns:
         Id of the automation.
@@ -113,7 +115,7 @@ def has_open_runs(client: SyncPrefectClient, flow_names: Iterable[str], since: d
 
 
 def sweep(client: SyncPrefectClient, flow_names: Iterable[str], now: datetime | None = None) -> Swept:
-    """Closes task runs and subflow runs that are left open by flow runs which died or were cancelled.
+    """Closes task runs and subflow runs left open by flow runs that died or were cancelled; returns their numbers.
 
     Args:
         client: The server's client.
@@ -199,7 +201,10 @@ def _end_of_task(flow: StateType) -> State[Any]:
 
 
 def was_silent(run: FlowRun) -> bool:
-    """Whether a flow run was marked dead only because it, or its parent flow run, sent no heartbeats."""
+    """Whether a flow run is not marked as crashed, or only because it, or its parent flow run, sent no heartbeats.
+
+    False for a run without a state.
+    """
     state = run.state
     return state is not None and (not state.is_crashed() or state.message in (_NO_SIGN, _PART_OF_DEAD))
 
@@ -331,7 +336,7 @@ def _with_event(client: SyncPrefectClient, runs: list[UUID], event: str, since: 
 
 
 def _with_states(states: Collection[StateType]) -> dict[str, Any]:
-    """Returns the part of a run filter that selects some states."""
+    """Returns the part of a filter of Prefect runs that selects runs in these types of state."""
     return {"type": {"any_": list(states)}}
 
 
@@ -353,13 +358,13 @@ def _ended_since(since: datetime, states: list[StateType], before: datetime | No
 
 
 def _open_parts(client: SyncPrefectClient, ours: FlowFilter) -> list[FlowRun]:
-    """Returns the open subflow runs of this project's flows."""
+    """Reads from the Prefect server the subflow runs of this project's flows that have not ended."""
     chosen = _flow_runs(state=_with_states(_OPEN), parent_task_run_id={"is_null_": False})
     return client.read_flow_runs(flow_filter=ours, flow_run_filter=chosen)
 
 
 def _parts_of(client: SyncPrefectClient, subflows: Collection[FlowRun], outer: FlowRunFilter) -> list[FlowRun]:
-    """Reads the subflow runs of the flow runs that a filter chooses."""
+    """Returns those of some subflow runs whose parent flow run a filter chooses, asking the Prefect server."""
     if not subflows:
         return []
     ids = [run.parent_task_run_id for run in subflows if run.parent_task_run_id]

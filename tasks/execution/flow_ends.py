@@ -110,8 +110,8 @@ def answer_of(state: State[Any]) -> tuple[dict[str, Any], FlowResult]:
 def ends_as_cancelled() -> Generator[None]:
     """Marks the running flow as `Cancelled` in Prefect if Ctrl-C or SIGTERM interrupts the `with` block.
 
-    Prefect itself would say `Crashed`, which automations take for an accident. A Prefect worker sees to the states of
-    the flow runs that it starts.
+    The interruption is raised again. Prefect itself would say `Crashed`, which automations take for an accident. A
+    Prefect worker sees to the states of the flow runs that it starts, so those are left alone.
     """
     try:
         yield

@@ -85,7 +85,10 @@ class Item:
             return call_with_parameters(self.task.fn, parameters)
 
     def _may_retry(self, state: State[Any]) -> bool:
-        """Asks the task's `retry_condition_fn`; a condition that raises counts as no, as with Prefect."""
+        """Asks the task's `retry_condition_fn` whether a failed call may be repeated; true if there is no condition.
+
+        A condition that raises an error counts as no, as with Prefect; the error is logged.
+        """
         context = TaskRunContext.get()
         if (condition := self.task.retry_condition_fn) is None or context is None:
             return True
@@ -134,7 +137,10 @@ Summary: TypeAlias = Callable[[Sequence[State[Any]]], str]
 
 
 def in_words(states: Sequence[State[Any]]) -> str:
-    """Summarises the failures of a map: `3 of 1000 items did not complete: 2 Failed, 1 TimedOut; item 17: ...`."""
+    """Returns text about the failures of a map: `3 of 1000 items did not complete: 2 Failed, 1 TimedOut; item 17: ...`.
+
+    If all items completed, the text says so.
+    """
     bad = [(index, state) for index, state in enumerate(states) if not state.is_completed()]
     if not bad:
         return f"all {len(states)} items completed"
@@ -272,7 +278,7 @@ class _MapRun:
         self.ended = [pool.submit(self._run_item, item) for item in self._items]
 
     def as_task(self, task: Task[..., Any]) -> Task[..., Any]:
-        """Makes the Prefect task whose single run waits for all items."""
+        """Returns the Prefect task whose single run waits for all items; it has the mapped task's name and hooks."""
         name = f"{task.name} x {len(self._items)}"
         return Task(
             fn=self._wait,
@@ -311,7 +317,7 @@ class _MapRun:
 
 
 def _state_of(ended: Ended) -> State[Any]:
-    """Waits for an item or a task run to end, and returns its final state."""
+    """Waits for an item or a task run to end, and returns its final state; an error becomes a failed state."""
     try:
         return ended.result()
     except concurrent.futures.CancelledError:
@@ -321,7 +327,7 @@ def _state_of(ended: Ended) -> State[Any]:
 
 
 def _check(task: Task[..., Any]) -> None:
-    """Raises an error for a task with features that mapped items do not have."""
+    """Raises `ConfigurationError` if a task has features that mapped items do not have, such as cached results."""
     persists = should_persist_result() if task.persist_result is None else task.persist_result
     asked = {
         "a kept or cached result (persist_result=False keeps none)": persists,

@@ -31,7 +31,7 @@ _logger = logging.getLogger(__name__)
 
 @contextmanager
 def watching_parent(orphaned: Callable[[], None]) -> Generator[None]:
-    """Watches, in a thread, whether the parent process dies, and calls `orphaned` if it does.
+    """Watches, in a thread inside the `with` block, whether the parent process dies, and calls `orphaned` if it does.
 
     Args:
         orphaned: Called when it has died; has to end this process.
@@ -85,7 +85,10 @@ def wait_if_ending() -> None:
 
 @contextmanager
 def _ended(exit_code: int) -> Generator[None]:
-    """Ends this process after the `with` block, whatever fails in it, without waiting for threads that still run."""
+    """Ends this process with an exit code after the `with` block, whatever fails in it; errors are logged.
+
+    Threads that still run are not waited for, and no clean-up code of the program runs.
+    """
     _ending.set()
     try:
         yield
@@ -134,7 +137,10 @@ def _say_crashed(flow_run: UUID, words: str) -> None:
 
 
 def _say_interrupted(flow_run: UUID) -> None:
-    """Sets a flow run's state: `Cancelled` if it is being cancelled, `Crashed` if its Prefect worker was stopped."""
+    """Sets a flow run's state: `Cancelled` if it is being cancelled, `Crashed` if its Prefect worker was stopped.
+
+    A Prefect server that does not answer is logged, and raises nothing.
+    """
     others = "other job workers go on with its jobs"
     try:
         with get_client(sync_client=True) as client:

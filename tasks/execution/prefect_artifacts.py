@@ -35,7 +35,7 @@ _logger = logging.getLogger(__name__)
 
 @contextmanager
 def shown_progress(service: Service, description: str) -> Generator[Service]:
-    """Returns the service with its progress shown as a Prefect progress artifact of the running flow."""
+    """Yields the service with its progress shown as a Prefect progress artifact of the running flow."""
     bar = _Bar(description, service.report_progress)
     try:
         yield service.watched_by(bar)
@@ -44,7 +44,7 @@ def shown_progress(service: Service, description: str) -> Generator[Service]:
 
 
 def artifact_key(*words: str) -> str:
-    """Makes a unique key for a Prefect artifact: small letters, digits, single hyphens."""
+    """Returns a key for a Prefect artifact made of some words: small letters and digits, joined by single hyphens."""
     return re.sub("[^a-z0-9]+", "-", "-".join(words).lower()).strip("-")
 
 
@@ -54,7 +54,10 @@ def show_jobs(key: str, rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def show_table(key: str, rows: Sequence[Mapping[str, Any]], description: str) -> None:
-    """Shows rows as a table artifact in Prefect, of the current task run if any; does nothing outside a flow run."""
+    """Shows rows as a table artifact of the current task or flow run in Prefect.
+
+    Does nothing without rows or outside a flow run. Errors of the Prefect server are logged and not raised.
+    """
     if rows and FlowRunContext.get():
         with _logged(description):
             create_table_artifact(key=key, table=[dict(row) for row in rows], description=description)
@@ -66,14 +69,20 @@ def show_summary(key: str, markdown: str) -> None:
 
 
 def show_text(key: str, markdown: str, description: str) -> None:
-    """Shows a text as a Markdown artifact in Prefect; does nothing outside a flow run."""
+    """Shows a text as a Markdown artifact in Prefect; does nothing outside a flow run.
+
+    Errors of the Prefect server are logged and not raised.
+    """
     if FlowRunContext.get():
         with _logged("text"):
             create_markdown_artifact(key=key, markdown=markdown, description=description)
 
 
 def show_picture(key: str, png: bytes, description: str) -> None:
-    """Shows a PNG of at most 2 MB as an image artifact in Prefect; does nothing outside a flow run."""
+    """Shows a PNG of at most 2 MB as an image artifact in Prefect; a larger one is left out.
+
+    Does nothing outside a flow run. Errors of the Prefect server are logged and not raised.
+    """
     if png and len(png) <= _MAX_PICTURE_BYTES and FlowRunContext.get():
         url = "data:image/png;base64," + base64.b64encode(png).decode()
         with _logged("picture"):
@@ -90,7 +99,7 @@ def _logged(what: str) -> Generator[None]:
 
 
 class _Bar:
-    """Forwards progress, and updates a Prefect progress artifact at most once a second."""
+    """Listener that passes progress on, and shows it in a Prefect progress artifact, once a second at most."""
 
     def __init__(self, description: str, listener: Callable[[Progress], None]) -> None:
         self._description = description
@@ -111,7 +120,7 @@ class _Bar:
                 self._lock.release()
 
     def flush(self) -> None:
-        """Writes the latest progress to the Prefect artifact at once."""
+        """Writes the latest progress to the Prefect artifact at once; does nothing if there is none yet."""
         if self._latest is not None:
             with self._lock:
                 self._show(self._latest)

@@ -23,7 +23,7 @@ _OF_SERVER = (PREFECT_API_URL, PREFECT_API_KEY, PREFECT_API_AUTH_STRING)
 
 
 def on_same_server(work: Callable[[], None]) -> Callable[[], None]:
-    """Wraps a function for a new thread so that it uses the caller's Prefect server."""
+    """Returns a function for a new thread that calls another one with the Prefect server of the present thread."""
     chosen: dict[Any, Any] = {setting: setting.value() for setting in _OF_SERVER}
 
     def run() -> None:

@@ -67,7 +67,7 @@ class RunWatch:
     _runs: dict[UUID, _Watched] = field(default_factory=dict[UUID, _Watched])
     _changed: threading.Condition = field(default_factory=threading.Condition)
     _taking_back: threading.Lock = field(default_factory=threading.Lock)
-    """Held while a run is set to `Running` again: the end of a run meanwhile is reported to Prefect only after that."""
+    """Lock held while a run is set to `Running` again: a run's end meanwhile is told to Prefect only after that."""
 
     _is_running: bool = False
     _misses: int = 0
@@ -104,7 +104,10 @@ class RunWatch:
 
     @contextmanager
     def part(self, outer: UUID, run: UUID) -> Generator[None]:
-        """Counts a subflow run as part of a watched flow run, inside the `with` block."""
+        """Counts a subflow run as part of a watched flow run, inside the `with` block.
+
+        Does nothing if the outer run is not watched.
+        """
         parts = watched.parts if (watched := self._runs.get(outer)) else set[UUID]()
         parts.add(run)
         try:
@@ -131,7 +134,7 @@ class RunWatch:
                 self._wait(runs)
 
     def _to_watch(self) -> dict[UUID, _Watched]:
-        """Returns the watched flow runs; the thread ends when no run is left."""
+        """Returns the watched flow runs; empty, which ends the thread, if none is left or the main thread has ended."""
         with self._changed:
             runs = dict(self._runs) if threading.main_thread().is_alive() else {}
             self._is_running = bool(runs)
@@ -153,7 +156,11 @@ class RunWatch:
             self._changed.wait_for(lambda: not self._runs or self._runs.keys() - known.keys(), _LOOK_S)
 
     def _note_answer(self, error: Exception | None) -> None:
-        """Logs once that the server does not answer: Prefect's own client tries for a minute before it logs that."""
+        """Counts the looks without an answer of the Prefect server, and logs once that it does not answer.
+
+        An answer (`None` as the error) sets the count to 0. Prefect's own client tries for a minute before it logs
+        that.
+        """
         self._misses = 0 if error is None else self._misses + 1
         if self._misses == _MOST_MISSES and self.tells_of_silence:
             url = PREFECT_API_URL.value()
@@ -174,7 +181,8 @@ class RunWatch:
         """Sets runs back to `Running` that were closed as dead while this process slept, was stopped, or was not heard.
 
         Only leases decide which process does the work: a run whose job another worker has taken meanwhile stays closed.
-        So does one that has ended since `runs` was looked up: it sets its own end state.
+        So does one that has ended since `runs` was looked up: it sets its own end state. Each job whose runs are taken
+        back is logged.
         """
         for run, watched in runs.items():
             closed = closed_as_dead(client, {run, *watched.parts})
@@ -210,7 +218,8 @@ WATCH = RunWatch()
 def beginning_run() -> Generator[None]:
     """Sends heartbeats of the running flow inside the `with` block, while it waits before its start.
 
-    Nothing is cancelled from here: what it will run is not known yet, and a Prefect worker ends the process.
+    Nothing is cancelled from here: what it will run is not known yet, and a Prefect worker ends the process. Does
+    nothing outside a flow, or in a flow that is watched already.
     """
     context = FlowRunContext.get()
     if context is None or context.flow_run is None or _watched_around.get() is not None:
@@ -223,6 +232,8 @@ def beginning_run() -> Generator[None]:
 @contextmanager
 def watched_run(catalog: Catalog, cancel: Callable[[], None]) -> Generator[None]:
     """Watches the running flow inside the `with` block, unless its parent flow is watched already.
+
+    A flow below a watched one counts as its part. Does nothing outside a flow.
 
     Args:
         catalog: The catalog of its jobs; their leases are released if the process has to end as an orphan.

@@ -58,7 +58,8 @@ _logger = logging.getLogger(__name__)
 def give_way_to_earlier(continues: str | None = None) -> None:
     """Reschedules the current flow run and ends this process if an earlier run of its deployment still waits.
 
-    A run goes before another of its deployment if it was due earlier, or if it continues one whose process died.
+    A run goes before another of its deployment if it was due earlier, or if it continues one whose process died. If
+    Prefect does not answer, that is logged, and the run begins.
 
     Args:
         continues: Id of the run that this one continues; such a run gives way to none.
@@ -90,7 +91,10 @@ def give_way_to_earlier(continues: str | None = None) -> None:
 
 
 def _waiting_before(run: FlowRun, deployment: UUID, now: datetime) -> list[FlowRun]:
-    """Returns the waiting runs of the same deployment that were due before a run, and that a worker tries to start."""
+    """Returns the waiting runs of the same deployment that come before a run, and that a worker tries to start.
+
+    These were due earlier, or continue another run.
+    """
     tried = FlowRunFilterNextScheduledStartTime.model_validate({"after_": now - _GONE_AFTER})
     waits = FlowRunFilterState(name=FlowRunFilterStateName(any_=[_WAITS]))
     with asking_once() as client:

@@ -41,6 +41,8 @@ def run_tasks(
 ) -> None:
     """Runs part of a job once for each argument set, in threads, as Prefect task runs; waits for all of them.
 
+    An interruption (Ctrl-C, a signal) requests the job's cancellation.
+
     Args:
         name: Name of the task in Prefect.
         part: Watches for a cancel request of the job, and ends soon after one.
@@ -94,6 +96,8 @@ def _begin(runner: "MapTaskRunner[None]", part: Any, calls: Sequence[Mapping[str
 def run_alone(work: Callable[[], None], *, job_arn: str, service: Service) -> None:
     """Runs a job that has a single part in a thread, and waits for it.
 
+    An interruption (Ctrl-C, a signal) requests the job's cancellation.
+
     Args:
         work: Watches for a cancel request of the job, and ends soon after one.
         job_arn: The job.
@@ -128,21 +132,21 @@ Result = TypeVar("Result")
 
 
 class RunStep(Protocol):
-    """Interface of a function that runs a step: `directly` or `as_task`."""
+    """Interface of a function that runs a part of a job as a step: as a plain call or as a Prefect task run."""
 
     def __call__(self, name: str, part: Callable[[], Result], /) -> Result:
-        """Runs a part of a job as the step `name` and returns what it returns."""
+        """Runs a part of a job as a step with that name, and returns the part's result."""
         ...
 
 
 def directly(name: str, part: Callable[[], Result], /) -> Result:
-    """Runs a step as a plain function call, for jobs of a batch, which have a task run each already."""
+    """Runs a part of a job as a plain function call, and returns its result; for jobs that have a task run already."""
     with span(name):
         return part()
 
 
 def as_task(name: str, part: Callable[[], Result], /) -> Result:
-    """Runs a step as a Prefect task run of the current flow run."""
+    """Runs a part of a job as a Prefect task run of the current flow run, named as the step, and returns its result."""
     with span(name):
         return _task(name)(part)
 
@@ -155,6 +159,8 @@ def step_runner() -> RunStep:
 @contextmanager
 def shown_as(name: str, message: str) -> Generator[None]:
     """Gives the running flow's Prefect state a name inside the `with` block, such as `AwaitingApproval`.
+
+    Does nothing outside a flow.
 
     Args:
         name: The name, such as `AwaitingApproval`.
@@ -172,7 +178,10 @@ def shown_as(name: str, message: str) -> Generator[None]:
 
 
 def show_note(key: str, markdown: str) -> None:
-    """Stores a note as a Markdown artifact of the running flow; notes of the same key form a history."""
+    """Stores a note as a Markdown artifact of the running flow; notes of the same key form a history.
+
+    Does nothing outside a flow run.
+    """
     if _flow_run() is not None:
         from .prefect_artifacts import show_text
 
@@ -186,7 +195,16 @@ def _flow_run() -> "UUID | None":
 
 
 def _set_name(before: str, after: str, run: "UUID", message: str | None = None) -> None:
-    """Renames the run's state, unless it has another state meanwhile, such as being cancelled."""
+    """Renames a flow or task run's state in Prefect, if it is still named `before`.
+
+    A Prefect server that does not answer is logged, and raises nothing.
+
+    Args:
+        before: Present name of the state.
+        after: New name; the state's type becomes running.
+        run: Id of the flow run.
+        message: Text of the state.
+    """
     import httpx
     from prefect.client.orchestration import get_client
     from prefect.exceptions import PrefectException

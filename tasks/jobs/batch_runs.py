@@ -107,7 +107,12 @@ class BatchRun:
         self._deadline = batch.created_at + timedelta(seconds=self._policy.timeout_in_seconds)
 
     def run(self) -> None:
-        """Runs every unfinished request of the batch, then ends the batch."""
+        """Runs every unfinished request of the batch as a simulation job, and then sets the batch's final status.
+
+        Requests with reusable results get finished jobs at once, and requests that name missing resources fail early.
+        If the backend has no machine for the jobs, they are cancelled and the batch fails; no error is raised. Blocks
+        until all jobs have ended.
+        """
         if self._batch.status == "Pending":
             self._lease.transition("start")
         else:
@@ -135,7 +140,10 @@ class BatchRun:
             self._lease.forget_lost_workers()
 
     def _abandon(self, reason: str) -> None:
-        """Fails a batch whose backend has no machine for its jobs, after cancelling those that run."""
+        """Fails the batch, after cancelling its running jobs and waiting for their end, as its backend has no machine.
+
+        Requests without a job are recorded as failed.
+        """
         while not self._lease.lost and not self._stop_remaining_jobs():
             time.sleep(_WAIT_S)
         for index in self._waiting():
@@ -154,7 +162,9 @@ class BatchRun:
             self._settle()
 
     def _stop_remaining_jobs(self) -> bool:
-        """Ends the jobs that no job worker holds, and requests the cancellation of the others.
+        """Ends the batch's jobs that no job worker holds, and requests the cancellation of the others.
+
+        Jobs that only upload their outputs by now are left alone.
 
         Returns:
             Whether all jobs have ended.
@@ -271,7 +281,7 @@ class BatchRun:
             self._concurrency = concurrency
 
     def _look_for_worker(self, wait: WorkerWait) -> None:
-        """Logs when jobs begin to wait for a job worker, and when that ends; checks once a second."""
+        """Notes for the next report whether the batch's jobs wait for a job worker; checks at most once a second."""
         if (now_s := time.monotonic()) < self._looks_for_worker_at_s:
             return
         self._looks_for_worker_at_s = now_s + 1.0
@@ -283,7 +293,7 @@ class BatchRun:
             self._note_wait(waits)
 
     def _note_workers(self, workers: str) -> None:
-        """Logs once which job workers the batch has."""
+        """Tells the user which job workers the batch has, whenever that changes."""
         if workers != self._workers:
             self._service.report_note(f"{self._batch.id}: {workers}")
             self._workers = workers
@@ -361,7 +371,11 @@ class BatchRun:
         return self._cancelled
 
     def create_job(self, index: int) -> Resource | None:
-        """Creates the job for a request of the batch, once; an invalid request is recorded as failed."""
+        """Stores the simulation job for one request of the batch, or returns the job that the request has already.
+
+        Returns `None` if the request is refused, or its job cannot be stored; the request is then recorded as failed,
+        unless the batch has to stop. Raises `ServiceUnavailableException` if the catalog does not answer.
+        """
         if str(index) in self._failed:
             return None
         request, token = self._request(index)
@@ -382,7 +396,11 @@ class BatchRun:
         return job
 
     def _outlasting(self, call: Callable[[], Result]) -> Result:
-        """Repeats a call until the catalog answers; raises its error once the batch has to stop."""
+        """Calls a function, and calls it again after each outage of the catalog, until it returns a result.
+
+        Raises the function's `ServiceUnavailableException` once the batch has to stop or its lease is lost, or if the
+        catalog answers reads but refuses the call again and again.
+        """
         catalog = self._service.catalog
         wait = CatalogWait(
             self._arn,
@@ -393,7 +411,11 @@ class BatchRun:
         return wait.outlasting(call)
 
     def _look_or_miss(self, look: Callable[[], bool]) -> bool:
-        """Polls the batch; while the catalog does not answer, running jobs continue without being polled."""
+        """Calls a function that polls the batch, and returns its answer: whether the batch's jobs have to stop.
+
+        If the catalog does not answer, the outage is logged once and the last known answer is returned; running jobs
+        continue.
+        """
         try:
             if self._misses_catalog:
                 self._lease.refreshed()  # the answer to a change may have been lost
@@ -411,7 +433,11 @@ class BatchRun:
         return SimulationJobRequest.model_validate(self._requests[index], context=STORED), token
 
     def _reuse_results(self) -> None:
-        """Creates finished jobs for the requests whose results exist already; the others remain to be run."""
+        """Creates finished jobs for the waiting requests whose results exist already, and reports the batch's progress.
+
+        Requests without reusable results, and those that are refused here, stay waiting; returns early if the batch has
+        to stop.
+        """
         applications = CurrentApplications(self._patient)
         for index in self._waiting():
             if self._stop_reason():
@@ -424,7 +450,10 @@ class BatchRun:
         self._report()
 
     def _refuse_early(self) -> None:
-        """Fails the requests that name missing resources, before each of them costs a task run."""
+        """Records the requests that name missing or invalid resources as failed, before each of them costs a task run.
+
+        Other errors are ignored here, as they may have passed when the request becomes a job.
+        """
         applications = CurrentApplications(self._patient)
         for index in self._waiting():
             try:
@@ -440,14 +469,14 @@ class BatchRun:
         self._failed[str(index)] = FailedRequest(failure_code=code, failure_reason=shorten(reason), failed_at=failed_at)
 
     def _save_failures(self) -> None:
-        """Stores all newly failed requests at once, as the batch's document can be large."""
+        """Stores the newly failed requests, if any, in the batch, all at once, as its document can be large."""
         failed = dict(self._failed)
         if len(failed) > self._saved:
             self._lease.update(BatchProgress(failed=failed, failed_count=len(failed)))
             self._saved = len(failed)
 
     def _report(self) -> None:
-        """Reports the number of the batch's requests in each state."""
+        """Reports the number of the batch's requests in each state, including requests that have no job yet."""
         statuses = self._service.catalog.count_children(self._arn, kind="simulation-job")
         counts = Counter({status.lower(): count for status, count in statuses.items()})
         failed = len(self._failed)

@@ -82,7 +82,10 @@ class BatchWorker:
         self._ended.set()
 
     def _machine(self) -> MachineSlots:
-        """Returns the slots of this machine, with the batch's own priority and requirements."""
+        """Returns the job slots of this machine, requested with the batch's own priority.
+
+        Raises `ConfigurationError` if the catalog of this machine does not have the batch.
+        """
         try:
             batch = SimulationJobBatchDocument.of(self._service.catalog.get(self._batch, kind=_BATCH))
         except ResourceNotFoundException as error:
@@ -115,7 +118,11 @@ class BatchWorker:
             running = concurrent.futures.wait(running, pause_s, concurrent.futures.FIRST_COMPLETED).not_done
 
     def _is_over(self) -> bool:
-        """Whether the batch has ended or stops, has no job left to take, or is not managed by any process any more."""
+        """Whether this job worker should take no more jobs of the batch.
+
+        That is so if the batch has ended or stops, if it has no job left to take, or if no process has managed it for
+        two lease periods, which is logged.
+        """
         self._status, _ = self._service.catalog.standing(self._batch)
         if is_terminal(_BATCH, self._status) or self._status in STOPPING:
             return True
@@ -137,7 +144,10 @@ class BatchWorker:
         return any(not is_terminal(KIND, status) for status in standing)
 
     def _begin(self, pool: ThreadPoolExecutor, machine: MachineSlots) -> Future[None] | None:
-        """Starts a job in a thread, if there is one and this machine has room; else returns `None`."""
+        """Claims a waiting job of the batch and runs it in a thread of the pool, holding a slot of this machine.
+
+        Returns `None`, and holds no slot, if the machine has no free slot or the batch no waiting job.
+        """
         slot = machine.take(self._batch.rpartition("/")[2])
         if slot is None:
             return None
@@ -153,7 +163,10 @@ class BatchWorker:
         return None if arn is None else pool.submit(self._run_job, arn, machine, slot, waited_s)
 
     def _claim(self) -> str | None:
-        """Takes a job of the batch from the catalog, if there is one that may run now; returns its ARN."""
+        """Claims a job of the batch that may run now, by taking its lease in the catalog, and returns the job's ARN.
+
+        Returns `None` if no job may run now, as when as many run as the batch allows.
+        """
         catalog, lease_s = self._service.catalog, self._service.timing.lease_s
 
         def take(owner: str) -> str | None:
@@ -165,7 +178,11 @@ class BatchWorker:
         return HELD.reserve_any(take, catalog)
 
     def _run_job(self, arn: str, machine: MachineSlots, slot: int, waited_s: Mapping[Scarce, float]) -> None:
-        """Runs a claimed job to its end and frees its slot; fails the job if this worker cannot run it."""
+        """Runs a claimed job to its end, and gives its slot and its lease back.
+
+        No error is raised: a job whose lease is lost, or whose catalog is away, is left to another job worker, and any
+        other error fails the job.
+        """
         name = arn.rpartition("/")[2]
 
         def take(stack: ExitStack) -> Turn | None:
@@ -226,7 +243,7 @@ class AwaitedJobs:
         self._changed = threading.Condition()
 
     def look(self) -> None:
-        """Queries once which jobs of the batch have ended.
+        """Queries the catalog once which jobs of the batch have ended, and wakes the threads that wait for these.
 
         Raises:
             ServiceUnavailableException: The catalog does not answer.

@@ -153,7 +153,7 @@ def remove_overtaken_runs(service: Service) -> list[Path]:
 
 
 def _is_quiet(run: Path) -> bool:
-    """Whether nothing in a run's folder was written lately."""
+    """Whether nothing in a run's folder was written lately, so that no process uses it; false if it cannot be read."""
     with suppress(OSError):
         changed_s = max(path.stat().st_mtime for path in (run, *run.iterdir(), *run.glob("output/*")))
         return time.time() - changed_s > _QUIET_S
@@ -199,7 +199,7 @@ class KeptOutputs:
         return self.folder / "output"
 
     def files(self) -> Iterator[Path]:
-        """Yields the files to upload; one file may occur under two names."""
+        """Yields the files to upload from the run's folders; a file with two names comes once; links are left out."""
         seen: set[tuple[int, int]] = set()
         for path in (
             *self.output_dir.rglob("*"),
@@ -213,7 +213,7 @@ class KeptOutputs:
 
 
 def find_kept(service: Service, job: str | None = None) -> list[KeptOutputs]:
-    """Finds outputs on this machine whose upload failed, of jobs that have ended.
+    """Returns outputs on this machine whose upload failed, of jobs that have ended.
 
     Args:
         service: The service, with its catalog and object store.
@@ -237,7 +237,7 @@ def find_kept(service: Service, job: str | None = None) -> list[KeptOutputs]:
 
 
 def store_kept(kept: KeptOutputs, service: Service) -> StoredPlace:
-    """Uploads outputs whose upload had failed, records their place in the job, and deletes the local copy.
+    """Uploads outputs whose upload had failed, records their place in the job and returns it, deletes the local copy.
 
     What an earlier attempt stored of them is not stored again.
 
@@ -284,14 +284,17 @@ def _misses(document: SimulationJobDocument, run_id: str) -> bool:
 
 
 def _outcome_of(document: SimulationJobDocument) -> Outcome:
-    """Returns the outcome of the job's last run; if its job workers died each time, only that is known."""
+    """Returns the outcome of the job's last run; if none is recorded, a failure with the job's code and reason."""
     return document.outcome or Outcome(
         status="Failed", failure_code=document.failure_code, failure_reason=document.failure_reason
     )
 
 
 def _store_earlier(run: EarlierRun, outputs: RunOutputs) -> StoredPlace:
-    """Uploads the outputs of a run that was not its job's last one, as at the run's end."""
+    """Uploads the outputs of an earlier run of a job, and returns the place in the object store where they are now.
+
+    Files that are stored already are not uploaded again. Raises `StorageError` if the upload fails.
+    """
     outcome = Outcome(
         status=run.status,
         failure_code=run.failure_code,
@@ -312,7 +315,11 @@ def _with_place(document: SimulationJobDocument, run_id: str, place: StoredPlace
 def _stored_late(
     document: SimulationJobDocument, outcome: Outcome, place: StoredPlace, service: Service
 ) -> SimulationJobProgress:
-    """Returns the changes of a job whose outputs were uploaded late: it stays failed, but has outputs now."""
+    """Returns the changes to record in a job whose outputs were uploaded late: their place, verdict and reason.
+
+    The job stays failed, and its failure reason says that the upload was late; a job that has no failure code, such as
+    a cancelled one, gets only the place.
+    """
     late = f"the outputs could not be stored when the run ended; they were at {service.clock():%Y-%m-%dT%H:%M:%SZ}"
     reason = shorten("\n".join(filter(None, (late, outcome.failure_reason))))
     if document.failure_code is None:  # such as of a job that was cancelled

@@ -101,19 +101,19 @@ def environment_here(needed: NeededEnvironment, settings: Settings, environ: Map
 
 
 def _simulations(operation: str, request: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Returns the requests of simulation jobs that a request of an operation contains."""
+    """Returns the requests of simulation jobs in a request: those of a batch, or the request itself; else none."""
     if operation == "StartSimulationJobBatch":
         return list(request.get("createSimulationJobRequests") or ())
     return [request] if operation == "CreateSimulationJob" else []
 
 
 def variable(setting: str) -> str:
-    """Returns the environment variable of a setting."""
+    """Returns the name of the environment variable of a setting, such as `ROBOMAKER_HOME` for `home`."""
     return f"ROBOMAKER_{setting.upper()}"
 
 
 def written(value: object) -> str:
-    """Formats a setting's value as its environment variable is written; `None` if it would not be set."""
+    """Formats a setting's value as its environment variable is written; an empty text for `None`."""
     if value is None:
         return ""
     return os.pathsep.join(map(str, cast("tuple[object, ...]", value))) if isinstance(value, tuple) else str(value)
@@ -171,7 +171,7 @@ def needs_elsewhere(needed: Mapping[str, object] | None, service: Service) -> li
 
 
 def left_jobs(service: Service) -> list[tuple[Resource, JobStanding]]:
-    """Lists the unfinished jobs whose process has died and which only a command continues."""
+    """Lists the unfinished jobs, each with its standing, whose process has died and which only a command continues."""
     jobs = service.catalog.ordered_for_oneself()
     standings = standings_of(jobs, service)
     return [(job, standings[job.arn]) for job in jobs if standings[job.arn].state in ("died", "left")]
@@ -236,7 +236,11 @@ class OwnOrder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Gives the lease (lock) of the job back; an interruption (Ctrl-C, a signal) also requests its cancellation."""
+        """Gives the lease (lock) of the job back; an interruption (Ctrl-C, a signal) also requests its cancellation.
+
+        If the catalog is away, that is logged, and the lease runs out by itself; errors of the `with` block are not
+        suppressed.
+        """
         self._ended.set()
         if self._arn is None:
             return
@@ -259,10 +263,10 @@ class OwnOrder:
         return replace(self._service, first_lease=lease)
 
     def keep(self, arn: str) -> None:
-        """Keeps the lease (lock) of the stored job, if this process holds it.
+        """Keeps and renews the lease (lock) of the stored job, in a thread, if this process holds it.
 
         A job that an equal earlier call had stored may belong to another process; running it here then waits for its
-        lease.
+        lease. A lease that cannot be kept is released.
         """
         if self._service.catalog.lease_of(arn)[0] != self._owner:
             return

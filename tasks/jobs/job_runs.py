@@ -179,7 +179,12 @@ class JobRun:
         self._kills = 0  # of runs, from outside, since one came further than those before
 
     def run(self) -> None:
-        """Runs the job, again after each restart, and records its end; an error on the way fails the job."""
+        """Runs the job to its end, with a new run after each restart, and records its final status in the catalog.
+
+        An interrupted run of a dead job worker is continued where that is possible. A job that has to stop is ended
+        without a further run. Errors fail the job and are not raised, unless its lease is lost or the catalog stays
+        away.
+        """
         next_run = _Next.GO_ON  # with what a dead job worker may have left
         while next_run is not _Next.NONE:
             left, self._finishes = None, False
@@ -225,7 +230,15 @@ class JobRun:
         return plan_to_resume(self._lease.job, self._folder(run_id)) if run_id else None
 
     def _run_once(self, left: RunPlan | None, ros_domain: int) -> "_Next":
-        """Carries out one run, or the rest of an interrupted one; returns the job's next step."""
+        """Carries out one run, or the rest of an interrupted one, and returns the job's next step.
+
+        Errors of the run fail the job and are not raised, unless another process has taken the job over. Deletes the
+        run's local files, except outputs that could not be stored, unless the run is to be continued.
+
+        Args:
+            left: Plan of the interrupted run; `None` begins a new run.
+            ros_domain: The ROS domain number that the job's programs use.
+        """
         run_id = left.run_id if left else self._service.clock().strftime("%Y-%m-%dT%H-%M-%S-%fZ")
         next_run = _Next.NONE
         self._begin, self._answers = None, False
@@ -258,7 +271,7 @@ class JobRun:
         return next_run
 
     def _note_attempt(self, run_id: str) -> None:
-        """Records a further attempt of a run.
+        """Records in the job a further attempt of its run.
 
         Resets the count of dead job workers if the last attempt made progress.
         """
@@ -268,7 +281,7 @@ class JobRun:
             self._lease.forget_lost_workers()
 
     def _may_try_again(self, run_id: str) -> bool:
-        """Whether to repeat a run that was killed from outside.
+        """Counts a run's death from outside, and returns whether to repeat the run.
 
         It is repeated only while each attempt reaches a later simulated time.
         """
@@ -276,13 +289,17 @@ class JobRun:
         return self._kills < MAX_LOST_WORKERS and self._stop_reason() is None
 
     def _after_kill(self, why: str) -> "_Next":
-        """Logs that a run was killed, and waits before the next attempt."""
+        """Logs that a run was killed, waits for a moment, and returns the job's next step: to go on with the run."""
         _logger.warning("%s is tried again: %s", self._lease.job.arn, why.partition("\n")[0])
         time.sleep(self._service.timing.after_kill_s)
         return _Next.GO_ON
 
     def _prepared(self, run_id: str, ros_domain: int) -> RunPlan:
-        """Downloads everything that a new run needs; from then on the job counts as running."""
+        """Makes the plan of a new run, after downloading all that the run needs into its folder.
+
+        Sets the job's status to the preparing one, and to running if no forwarded port is awaited. Raises `LaunchError`
+        if the job cannot be launched or the object store is away.
+        """
         folder = self._service.folder("jobs", self._lease.job.id, run_id)
         begun = SimulationJobProgress.begun(run_id, self._waited_s, token_urlsafe())
         self._lease.transition("prepare", begun)
@@ -321,7 +338,11 @@ class JobRun:
         )
 
     def _carry_out(self, plan: RunPlan) -> "_Next":
-        """Runs a prepared run plan; returns the job's next step."""
+        """Runs the programs of a run plan, records the outcome, uploads the outputs, and returns the job's next step.
+
+        The next step is another attempt after a run that was killed, a new run after a requested restart, and else
+        none. Raises `StateConflictError` if the job's end cannot be recorded for another reason than a restart.
+        """
         run_id = plan.run_id
         service, folder = self._service, self._folder(run_id)
         with fresh_keys(self._document.request, service, folder), self._outputs(run_id).rolling():
@@ -354,7 +375,7 @@ class JobRun:
         return _Next.NONE
 
     def _simulated(self, plan: RunPlan) -> RunOutcome:
-        """Runs the processes of a simulation run's plan until they have ended; returns the result."""
+        """Starts the programs of a run plan, waits until they have ended or are stopped, and returns the run's end."""
         with answering(plan.root_dir, plan.job_arn, self._service):
             return launcher().run(
                 plan,
@@ -370,7 +391,8 @@ class JobRun:
     def _note_simulated(self, is_drawn: bool) -> None:
         """Frees the job's machine slot, because the simulation has ended and only videos and outputs remain.
 
-        From here on the batch's timeout no longer ends the job; its own timeout and cancellation still do.
+        From here on the batch's timeout no longer ends the job; its own timeout and cancellation still do. Does nothing
+        if the job has to end or restart; an error is logged, and the job keeps its slot.
         """
         status, reason = self._asked()
         self._finishes = reason is None and not self._is_to_restart(status)
@@ -384,7 +406,7 @@ class JobRun:
             _logger.exception("%s keeps its slots until it has ended", self._lease.job.arn)
 
     def _note_crash(self, code: str, reason: str) -> None:
-        """Records a crash in a job that continues after it."""
+        """Records in a job that an application crashed, after which the job goes on; a failure to do so is logged."""
         try:
             self._note_running()
             self._lease.transition("crash", SimulationJobProgress(failure_code=code, failure_reason=shorten(reason)))
@@ -394,7 +416,10 @@ class JobRun:
             _logger.warning("that %s crashed cannot be noted: %s", self._lease.job.arn, error)
 
     def _note_trials(self, finished: int, plan: RunPlan) -> None:
-        """Stores and reports the number of the job's finished trials."""
+        """Stores and reports the number of the job's finished trials; does nothing for a job without trials.
+
+        A catalog that refuses the change or is away is ignored, as a later number may be stored.
+        """
         if plan.trials is None:
             return
         if self._on_trials is not None:
@@ -441,7 +466,8 @@ class JobRun:
     def _asked(self) -> tuple[str, StopReason | None]:
         """Returns the job's status, and the reason why its run has to end: `None` if it does not have to.
 
-        The status is `Restarting` if a restart of the job is requested.
+        The status is `Restarting` if a restart of the job is requested. If the job's lease is lost, the reason is a
+        cancellation. If the catalog does not answer, that is logged, and there is no reason.
         """
         if self._lease.lost:
             return self._lease.job.status, StopReason.CANCELED  # the worker that took over runs the job again
@@ -511,7 +537,11 @@ class JobRun:
         return outcome.model_copy(update={"outputs": place})
 
     def _concluded(self, outcome: Outcome, outputs: RunOutputs, *, finished: bool) -> Outcome:
-        """Returns the outcome of a job that may have been cancelled while its outputs were being stored."""
+        """Publishes the stored outputs of a run by writing their manifest, and returns the job's final outcome.
+
+        If the job was cancelled while its outputs were being stored, the outcome says so. If the outputs cannot be
+        published, the outcome has the failure's code and no outputs.
+        """
         # A catalog that is away now cannot say why; only cancelling ends an upload.
         if is_overtaken(outcome.status, self._stop_reason() or StopReason.CANCELED, is_whole=False):
             outcome = self._overtaken(outcome, outputs)
@@ -538,7 +568,11 @@ class JobRun:
         return outcome
 
     def _published_after_all(self) -> Outcome:
-        """Returns the outcome of a job whose worker died while publishing; its outputs may be local or stored."""
+        """Returns the outcome of a job whose worker died while it stored the outputs; stores those that are still here.
+
+        If the run's folder is not on this machine, the outputs must be in the object store; else the outcome says that
+        they are lost. A job without a recorded outcome counts as failed.
+        """
         document = self._document
         outcome, run_id = document.outcome, document.run_id
         if outcome is None:
@@ -556,7 +590,7 @@ class JobRun:
         return outcome.model_copy(update={"outputs": outputs.place})
 
     def _clean_up(self, run_id: str) -> None:
-        """Deletes the run's local files, except outputs that could not be stored."""
+        """Deletes the run's local files, except outputs not stored; does nothing if another job worker has the job."""
         if self._lease.lost:
             return  # the worker that took over may continue the same run
         clean_up_job(self._folder(run_id).parent, self._document, run_id)

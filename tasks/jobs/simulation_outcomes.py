@@ -26,7 +26,7 @@ END_EVENTS: Mapping[OutcomeStatus, str] = {"Completed": "complete", "Failed": "f
 
 
 def outcome_of(run: RunOutcome, stopped_because: StopReason | None) -> Outcome:
-    """Determines the outcome of a simulation job from its run's end.
+    """Returns the outcome of a simulation job, decided from its run's end.
 
     Args:
         run: Outcome of the run.
@@ -63,26 +63,32 @@ def is_overtaken(status: OutcomeStatus, stopped_because: StopReason | None, *, i
 
 
 def stopped(reason: StopReason, words: str) -> Outcome:
-    """Makes the outcome of a job that had to stop; one that was cancelled itself has no failure code."""
+    """Returns the outcome of a job that had to stop; one that was cancelled itself has no failure code."""
     if reason is StopReason.CANCELED:
         return Outcome(status="Canceled")
     return Outcome(status="Canceled", failure_code=reason.value, failure_reason=words)
 
 
 def overtaken(outcome: Outcome, reason: StopReason | None = None) -> Outcome:
-    """Makes the outcome of a job whose run had completed when the job or its batch was cancelled."""
+    """Returns the outcome of a job whose run had completed when the job or its batch was cancelled.
+
+    Its status is canceled, and it has no verdict.
+    """
     code = reason.value if reason is StopReason.BATCH_CANCELED else None
     without = {"failure_code": code, "verdict": None, "verdict_reason": None}
     return outcome.model_copy(update={"status": "Canceled", **without})
 
 
 def failed(code: str, reason: str) -> Outcome:
-    """Makes the outcome of a job that failed."""
+    """Returns the outcome of a job that failed, with failure code and reason."""
     return _with_failure(Outcome(status="Failed"), code, reason)
 
 
 def without_outputs(outcome: Outcome, code: str, reason: str) -> Outcome:
-    """Changes a job's outcome to say that the outputs could not be stored."""
+    """Returns a job's outcome with the failure that its outputs could not be stored.
+
+    A completed job fails with that code, and loses its verdict; another outcome keeps its status and code.
+    """
     reasons = [reason] if outcome.failure_reason is None else [reason, outcome.failure_reason]
     if outcome.status == "Completed":
         without = {"failure_code": None, "verdict": None, "verdict_reason": None}
@@ -123,13 +129,14 @@ class EarlierRuns:
         self._why_stop = why_stop
 
     def keep_restarted(self, run_id: str, ended: RunOutcome) -> None:
-        """Uploads the outputs of a run that was ended by a restart, and records that run in the job."""
+        """Uploads the outputs of a run that was ended by a restart of its job, and records that run in the job."""
         self._keep(run_id, outcome_of(ended, None), restarted=True, finished=ended.finished)
 
     def keep_dead(self, why: str) -> None:
         """Uploads the outputs of a run whose job worker died, and records that run in the job.
 
-        It is unknown whether the run had ended, so it gets no manifest.
+        It is unknown whether the run had ended, so it gets no manifest. Does nothing if the run has been recorded
+        already, or has no outputs on this machine.
 
         Args:
             why: Reason why the run was not finished, for readers of its outputs.
@@ -150,6 +157,8 @@ class EarlierRuns:
 
     def note_lost(self) -> bool:
         """Records that a completed run is lost with its machine, so that the job has to run again.
+
+        Logs it, and records the run in the job as failed. Does nothing for a run that did not complete.
 
         Returns:
             Whether it is lost: its outputs are neither on this machine nor stored. False if the store does not answer.
@@ -183,7 +192,8 @@ class EarlierRuns:
     def _keep(self, run_id: str, outcome: Outcome, *, restarted: bool, finished: bool) -> None:
         """Uploads the outputs of a run that is not the job's last one, and records in the job where they are.
 
-        If the job has to end while the store does not answer, this run's outputs become those of the job.
+        If the job has to end while the store does not answer, this run's outputs become those of the job. If they
+        cannot be stored, that is logged and recorded instead. Deletes the run's folder on this machine once they are.
         """
         outputs = self._outputs_of(run_id)
         place, not_stored = None, None
@@ -208,7 +218,15 @@ class EarlierRuns:
         place: StoredPlace | None = None,
         not_stored: str | None = None,
     ) -> None:
-        """Records in the job how a run ended, and where its outputs are."""
+        """Adds a run that was not the job's last to the job's list of earlier runs in the catalog.
+
+        Args:
+            run_id: The run.
+            outcome: Status, failure and simulated time with which it ended.
+            restarted: Whether it was ended to restart the job.
+            place: Folder of its outputs in the object store; absent: none are stored.
+            not_stored: Reason why its outputs are not stored; absent: they are, or it had none.
+        """
         document = self._document
         run = EarlierRun(
             run_id=run_id,
@@ -225,5 +243,5 @@ class EarlierRuns:
 
 
 def not_stored_by_dead(outputs: RunOutputs, error: Exception) -> str:
-    """Makes the failure text that a run's outputs were not stored, because the machine it ran on has died."""
+    """Returns the failure text that a run's outputs are not stored, because the machine it ran on has died."""
     return f"{_LOST} in s3://{outputs.bucket}/{outputs.prefix}: {error}"

@@ -30,7 +30,7 @@ def only_finishes(job: Resource, reason: StopReason) -> bool:
 
 
 def _no_turn(_: ExitStack) -> Turn | None:
-    """Does nothing; used for jobs that need no slot of the machine to simulate."""
+    """Returns at once the right to simulate without a wait; for jobs that need no slot of the machine."""
     return Turn({})
 
 
@@ -42,8 +42,8 @@ class Place(AbstractContextManager["Place"]):
     """A job's place on its machine: first a slot to simulate, then permission to finish (upload). Context manager.
 
     Args:
-        take: See `Take`.
-        permit: See `Permit`.
+        take: Function that waits for a slot to simulate; None as its result: the job has to stop.
+        permit: Function that takes permission to finish, without waiting; returns whether one was free.
     """
 
     def __init__(self, take: Take = _no_turn, permit: Permit = _no_permit) -> None:
@@ -78,7 +78,10 @@ class Place(AbstractContextManager["Place"]):
 
 
 def permit_of(machine: MachineSlots) -> Permit:
-    """Returns a function that takes a place to finish (draw and upload) on a machine; it has as many as slots."""
+    """Returns a function that takes a place to finish (draw and upload) on a machine; it has as many as slots.
+
+    The function returns false if all places are taken; else the exit stack that it is given releases the place.
+    """
 
     def permit(stack: ExitStack) -> bool:
         place = machine.take_finishing()

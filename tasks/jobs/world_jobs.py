@@ -92,7 +92,7 @@ def move_on(lease: Lease, event: str, changes: WorldJobProgress | None = None) -
 
 
 def end_canceled(lease: Lease, changes: WorldJobProgress | None = None) -> None:
-    """Ends a job as cancelled.
+    """Sets the status of a world generation or export job to canceled, and adds changes, if any, to its document.
 
     Raises:
         StateConflictError: The job has ended, or its lease was lost.
@@ -151,7 +151,11 @@ class GenerationRun:
         self._failures: list[WorldFailure] = []
 
     def run(self) -> None:
-        """Generates every missing world of the job, and ends the job."""
+        """Generates every missing world of a world generation job, and sets the job's final status.
+
+        Worlds that exist are kept, and those of earlier jobs are reused if the job allows it. Worlds that cannot be
+        made are recorded as failures. Does nothing if the job cannot be started, as when it was cancelled.
+        """
         if self._job.status == "Pending" and not move_on(self._lease, "start"):
             return
         self._made = {world.arn for world in self._service.catalog.children(self._job.arn, kind="world")}
@@ -171,14 +175,17 @@ class GenerationRun:
         self._settle()
 
     def _reused(self, index: int, world_arn: str) -> bool:
-        """Whether an equal world was found that is used in place of generating one."""
+        """Whether an equal world was found and is recorded in place of generating one; false if the job has to stop."""
         if self._stopped() or not reuse_world(self._service, self._job, index, world_arn):
             return False
         self._note_end(world_arn, None)
         return True
 
     def _make_world(self, index: int, world_arn: str, builders: WorldBuilders) -> None:
-        """Generates and stores one world; called from several threads."""
+        """Generates and stores one world, and records it or its failure; several threads call it.
+
+        Does nothing if the job has to stop.
+        """
         if self._stopped():
             return
         failure = generate_world(self._service, self._job, index, world_arn, builders, step_runner())
@@ -190,7 +197,7 @@ class GenerationRun:
         return self._lease.lost or self._service.catalog.cancel_requested(self._job.arn)
 
     def _note_end(self, world_arn: str, failure: WorldFailure | None) -> None:
-        """Records a generated world or its failure; called from several threads."""
+        """Records a generated world (no failure) or a failure, and reports progress; several threads may call it."""
         with self._lock:
             if failure:
                 self._failures.append(failure)
@@ -225,14 +232,18 @@ class GenerationRun:
             )
 
     def _record_failures(self) -> None:
-        """Stores the failures so far, so that descriptions of the running job contain them."""
+        """Stores the failures so far in the job, if they changed, so that descriptions of the running job have them."""
         summary = _failure_summary(self._failures)
         if summary != (WorldGenerationJobDocument.of(self._lease.job).failures or NO_FAILURES):
             with suppress(StateConflictError):  # another job worker has taken over
                 self._lease.update(WorldGenerationProgress(failures=summary))
 
     def _settle(self) -> None:
-        """Ends the job, and records the worlds that it generated; that record remains when worlds are deleted later."""
+        """Sets the world generation job's final status, and records the worlds that it generated.
+
+        The status is canceled if worlds are missing without a failure, completed without failures, partially failed
+        with some, and failed if every world failed. The record remains when worlds are deleted later.
+        """
         failures, worlds = _failure_summary(self._failures), in_order(self._made)
         plans = plan_count(self._service.catalog.children(self._job.arn, kind="world"))
         made = WorldGenerationProgress(failures=failures, succeeded_worlds=worlds, plan_count=plans)
@@ -253,7 +264,7 @@ class GenerationRun:
 
 
 def _failure_summary(failures: list[WorldFailure]) -> WorldFailures:
-    """Summarises failures of worlds by failure code, as AWS RoboMaker did."""
+    """Counts failures of worlds by failure code, most frequent first, with the reason of each code's first failure."""
     counts = Counter(failure.code for failure in failures)
     samples = {failure.code: failure.reason for failure in reversed(failures)}
     return WorldFailures(
@@ -272,7 +283,7 @@ def plan_count(worlds: Iterable[Resource]) -> int | None:
 
 
 def in_order(arns: Iterable[str]) -> list[str]:
-    """Sorts worlds by number, so that later steps do not depend on which one finished first."""
+    """Returns worlds (ARNs) sorted by number, so that later steps do not depend on which one finished first."""
     return sorted(arns, key=lambda arn: int(arn.rpartition("-")[2]))
 
 
@@ -281,7 +292,11 @@ _logger = logging.getLogger(__name__)
 
 
 def run_export(lease: Lease, service: Service) -> None:
-    """Runs a world export job: packs its worlds and stores the archive."""
+    """Runs a world export job: packs its worlds, stores the archive, and sets the job's final status.
+
+    A cancelled job has its archive deleted. An error fails the job and is not raised, except `LeaseLostError`: then
+    another process ends the job.
+    """
     if lease.job.status == "Pending" and not move_on(lease, "start", WorldExportProgress(started=True)):
         return
     if lease.job.status == "Canceling" or service.catalog.cancel_requested(lease.job.arn):
@@ -310,7 +325,11 @@ def run_export(lease: Lease, service: Service) -> None:
 
 
 def _stored_archive(lease: Lease, service: Service) -> bool:
-    """Uploads the archive of an export job; returns false if the job was cancelled or another worker took it over."""
+    """Packs the worlds of an export job and uploads the archive.
+
+    Returns false if the job was cancelled, or another job worker took it over, before the archive was stored. Raises
+    `StorageUnavailableError` if the object store stays away while the job goes on.
+    """
     from ..worlds.export_packing import export_worlds
 
     stopped = lambda: lease.lost or service.catalog.cancel_requested(lease.job.arn)  # noqa: E731
@@ -333,7 +352,10 @@ def _acting(job: Resource, service: Service) -> Service:
 
 
 def _remove_archive(job: Resource, service: Service) -> None:
-    """Deletes the stored archive of a cancelled job, also if its job worker died just after storing it."""
+    """Deletes the stored archive of a cancelled export job, also if its job worker died just after storing it.
+
+    Does nothing if the job was never started or its bucket is gone; a failed deletion is logged and not raised.
+    """
     if not WorldExportJobDocument.of(job).started:
         return
     try:

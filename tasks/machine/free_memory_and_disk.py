@@ -102,7 +102,10 @@ def _machine(proc: Path) -> Iterator[int]:
 
 
 def _groups(proc: Path, control_groups: Path) -> Iterator[int]:
-    """Yields the bytes of memory left in each limited control group, from this process's group up to the root."""
+    """Yields the bytes of memory left in each limited control group, from this process's group up to the root.
+
+    Yields nothing on a system without control groups.
+    """
     try:
         lines = (proc / "self" / "cgroup").read_text().splitlines()
     except OSError:
@@ -132,7 +135,7 @@ def _version_1(root: Path, path: str) -> Iterator[int]:
 
 
 def _upwards(root: Path, path: str) -> Iterator[Path]:
-    """Yields a control group's folder and all folders above it that exist; inside a container, the root is its own."""
+    """Yields a control group's folder and the folders above it, up to the root of all control groups."""
     folder = root / path.lstrip("/")
     yield folder
     while folder != root and root in folder.parents:
@@ -141,7 +144,12 @@ def _upwards(root: Path, path: str) -> Iterator[Path]:
 
 
 def _cached(folder: Path, name: str) -> int:
-    """Returns the bytes of cached file contents that the kernel frees when memory is needed."""
+    """Returns the bytes of cached file contents that the kernel frees when memory is needed; 0 if not known.
+
+    Args:
+        folder: Folder of the control group.
+        name: Name of the value in its `memory.stat`.
+    """
     with suppress(OSError, ValueError):
         for line in (folder / "memory.stat").read_text().splitlines():
             if line.startswith(f"{name} "):

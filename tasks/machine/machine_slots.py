@@ -20,7 +20,7 @@ _AGAIN_S = 600.0
 
 
 class Notices:
-    """Decides which waits for machine resources are reported to the user."""
+    """Decides when a wait for resources of this machine is told to the user: once it lasts, and not too often."""
 
     def __init__(self) -> None:
         self._scarce: Scarce | None = None
@@ -31,6 +31,8 @@ class Notices:
 
     def is_due(self, wait: Wait | None, now_s: float) -> bool:
         """Whether to report a wait now: it has lasted two seconds and was not reported in ten minutes.
+
+        A wait that is due counts as reported.
 
         Args:
             wait: Why there is waiting at this moment; None: there is nothing to tell.
@@ -49,7 +51,7 @@ class Notices:
 
 
 class WaitTimes:
-    """Adds up how long jobs waited for each scarce resource, from samples several times a second."""
+    """Sum, in seconds, of the times that jobs waited for each scarce resource, from samples several times a second."""
 
     def __init__(self) -> None:
         self._total_s: dict[Scarce, float] = {}
@@ -167,7 +169,7 @@ class MachineSlots:
                     self.give_back(slot)
 
     def take(self, name: str = "a job") -> int | None:
-        """Takes a slot if a job may begin now; `give_back` has to follow.
+        """Takes and returns a slot if a job may begin now, else returns `None`; `give_back` has to follow.
 
         From then on this batch waits for slots, and others with less right to them get none: ask again within seconds,
         or `leave`.
@@ -190,7 +192,7 @@ class MachineSlots:
             return slot
 
     def take_finishing(self) -> int | None:
-        """Takes one of the extra places for jobs that only render and upload, if one is free.
+        """Takes and returns one of the extra places for jobs that only render and upload; `None` if none is free.
 
         There are as many as slots, so a machine has at most twice as many jobs as it has slots. `give_back` frees it.
         """
@@ -222,7 +224,7 @@ class MachineSlots:
         self._slots.give_back(slot)
 
     def _awaited(self, should_stop: Callable[[], bool], name: str) -> int | None:
-        """Waits for a slot; one waiting thread polls.
+        """Waits for a slot and returns it, or `None` if `should_stop` says so; one waiting thread polls.
 
         The batch counts as waiting until the last thread has a slot.
         """
@@ -275,7 +277,13 @@ class MachineSlots:
         return None if wait.scarce == "slots" and only_own else wait
 
     def _see(self, name: str, wait: Wait | None, now_s: float) -> None:
-        """Adds up how long jobs wait, and reports that they wait, and why, once a wait has lasted long enough."""
+        """Adds up how long jobs wait, and tells the user once a wait has lasted long enough, or is over.
+
+        Args:
+            name: Name of the waiting job, for the text.
+            wait: Reason why it waits; `None`: nothing waits.
+            now_s: Present time, in seconds since 1970.
+        """
         self._times.see(wait and wait.scarce, now_s)
         if self._notices.is_due(wait, now_s) and wait is not None:
             text = f"{name} waits: {wait.text}"
@@ -286,7 +294,10 @@ class MachineSlots:
             self._watch(self._shown)
 
     def _write(self, name: str, wait: Wait | None, now_s: float) -> None:
-        """Writes the record by which other processes see that this batch waits for a slot."""
+        """Writes the record by which other processes see that this batch waits for a slot; not at every call.
+
+        It is written if the last one is old, or has another reason; `None` as the wait: without a reason.
+        """
         why = wait.text if wait else None
         if self._written is None or now_s - self._written[0] >= WRITE_EVERY_S or why != self._written[1]:
             self._waiters.write(self._ticket, self._record(name, why), now_s)

@@ -49,7 +49,7 @@ class SlotFiles:
         self._count = count
 
     def look(self) -> Slots:
-        """Finds out which slots are free, and which job holds each of the others."""
+        """Returns the numbers of the free slots, and the holders of the others; tries each slot's lock for a moment."""
         free: list[int] = []
         holders: list[Holder] = []
         for number in range(self._count):
@@ -66,7 +66,10 @@ class SlotFiles:
         return Slots(tuple(free), tuple(holders))
 
     def take(self, numbers: Iterable[int], holder: Holder) -> int | None:
-        """Locks one of the given slots; returns its file descriptor, or `None` if others were faster."""
+        """Locks one of the given slots and writes its holder into the lock file.
+
+        Returns the file descriptor, which holds the lock while it is open, or `None` if others were faster.
+        """
         for number in numbers:
             slot = self._open(number)
             try:
@@ -80,7 +83,7 @@ class SlotFiles:
         return None
 
     def give_back(self, slot: int) -> None:
-        """Frees a slot, also where a child process has inherited it."""
+        """Frees a slot by unlocking and closing its lock file, also where a child process has inherited it."""
         fcntl.flock(slot, fcntl.LOCK_UN)
         os.close(slot)
 
@@ -90,7 +93,7 @@ class SlotFiles:
 
 
 def _holder(text: bytes) -> Holder:
-    """Reads the job in a slot from the slot's file.
+    """Returns the job that holds a slot, read from the slot's file.
 
     It has no details if an earlier version wrote the file, or while the file is being written.
     """
@@ -141,11 +144,11 @@ class WaiterFiles:
         unfinished.replace(self._folder / ticket)
 
     def remove(self, ticket: str) -> None:
-        """Withdraws the announcement that a process waits for a slot."""
+        """Deletes the file by which a process announces that it waits for a slot; does nothing if it is gone."""
         (self._folder / ticket).unlink(missing_ok=True)
 
     def read(self, now_s: float) -> dict[str, WaiterRecord]:
-        """Returns the valid announcements by ticket, and deletes those of dead processes.
+        """Returns the valid announcements by ticket, and deletes those that no process has renewed for long.
 
         Args:
             now_s: Seconds since 1970.
@@ -163,7 +166,7 @@ class WaiterFiles:
 
 
 def may_begin(ticket: str, waiters: Mapping[str, WaiterRecord], running: Mapping[str | None, int], free: int) -> bool:
-    """Decides whether a waiting job may take a free slot now, or has to leave it to others with more right.
+    """Whether a waiting job may take a free slot now, or has to leave it to others with more right.
 
     A batch is taken to want every slot that it can get; a job that is in no batch wants one.
 

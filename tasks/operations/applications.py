@@ -142,7 +142,7 @@ def delete_application(role: ApplicationRole, request: Mapping[str, Any], servic
 
 
 def revision(resource: Resource) -> dict[str, Any]:
-    """Returns the response members that describe an application's content."""
+    """Returns the response members that describe an application: its ARN, name, version, revision and content."""
     document = ApplicationDocument.of(resource)
     content = document.to_json()
     return {
@@ -156,7 +156,7 @@ def revision(resource: Resource) -> dict[str, Any]:
 
 
 def check_revision(wanted: str | None, document: ApplicationDocument) -> None:
-    """Checks that an application still has the revision id that a request expects.
+    """Checks that an application still has the revision id that a request expects; does nothing if it expects none.
 
     Raises:
         InvalidParameterException: The application has another revision id; the message names it.
@@ -169,7 +169,10 @@ def check_revision(wanted: str | None, document: ApplicationDocument) -> None:
 
 
 def definition_of(request: Mapping[str, Any], service: Service) -> ApplicationDocument:
-    """Makes an application's definition from a request, as a new revision; archives get their current ETags."""
+    """Makes an application's definition from a request, as a new revision; archives get their current ETags.
+
+    Raises `InvalidParameterException` if an archive does not exist or the container image's URI is not usable.
+    """
     definition = {member: request[member] for member in CONTENT if request.get(member) is not None}
     if sources := definition.pop("sources", None):
         definition["sources"] = [with_etag(source, index, service) for index, source in enumerate(sources)]
@@ -215,7 +218,7 @@ _ATTEMPTS = 10
 
 
 class _ChangedMeanwhile(Exception):
-    """Raised when an application has another revision than the one whose archives were checked."""
+    """Raised when another request changed an application after its archives were checked, to try again."""
 
 
 def create_version(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> dict[str, Any]:
@@ -258,7 +261,10 @@ def _version(application: Resource, number: int, content: ApplicationDocument) -
 
 
 def _content(application: Resource, request: Mapping[str, Any], service: Service) -> ApplicationDocument:
-    """Returns the content of a version: the application with the current ETags of its archives."""
+    """Returns the content of a new version: the application's, with the current ETags of its archives.
+
+    Raises `InvalidParameterException` if the ETags or the image digest of the request are not the current ones.
+    """
     content = ApplicationDocument.of(application).without("last_number", VERSION_KEY)
     if content.sources:
         sources = [with_etag(source.to_json(), index, service) for index, source in enumerate(content.sources)]
@@ -279,7 +285,11 @@ def _check_etags(wanted: list[str] | None, content: ApplicationDocument, applica
 
 
 def _image_digest(wanted: str | None, content: ApplicationDocument, application: Resource) -> str | None:
-    """Returns the digest of the version's container image: from its URI, else from the request."""
+    """Returns the digest of a version's container image: from its URI, else from the request; `None`: neither has one.
+
+    Raises `InvalidParameterException` if the request's digest is not that of the URI, or the application is no
+    container image.
+    """
     known = content.image_digest
     if wanted is None:
         return known
@@ -292,7 +302,11 @@ def _image_digest(wanted: str | None, content: ApplicationDocument, application:
 
 
 def register_operations(role: ApplicationRole) -> None:
-    """Registers the six API operations on applications of one kind (robot or simulation)."""
+    """Registers the six API operations (create, version, describe, list, update, delete) on one kind of application.
+
+    Args:
+        role: Kind of the applications, `robot` or `simulation`.
+    """
     resource = f"{role.capitalize()}Application"
 
     @operation(f"Create{resource}")

@@ -55,7 +55,10 @@ def update_application(role: ApplicationRole, request: Mapping[str, Any], servic
 
 
 def existing_application(step: CheckedStep, request: Mapping[str, Any], service: Service) -> dict[str, Any] | None:
-    """Returns the response of a step whose application exists already; `None` if the step has to create it."""
+    """Returns the response of a step whose application exists already, which is reused or updated as the step says.
+
+    Returns `None` if the step has to create it.
+    """
     role = "robot" if step.operation == "CreateRobotApplication" else "simulation"
     if step.if_exists == "update":
         return update_application(role, request, service)

@@ -47,7 +47,7 @@ class Operation:
     shape: OperationShape
     handler: Handler
     run_job: JobRunner | None = None
-    """For job operations: runs the stored job of an ARN to its end; `None` for all others."""
+    """Function of a job operation that runs the stored job of an ARN to its end; `None` for other operations."""
 
     @property
     def name(self) -> str:
@@ -89,7 +89,7 @@ class Operation:
         return self.handle(request, through(self.name, request.to_wire()))
 
     def checked(self, data: Mapping[str, Any], service: Service) -> Shape:
-        """Parses and checks a request by itself, without the catalog.
+        """Parses and checks a request by itself, without the catalog, and returns it.
 
         Raises:
             ServiceError: The request is refused.
@@ -114,7 +114,11 @@ class Operation:
 
     @contextmanager
     def _own_errors(self) -> Iterator[None]:
-        """Converts errors inside the `with` block to those that clients of the operation know."""
+        """Converts errors inside the `with` block to those that clients of the operation know.
+
+        Errors of the service itself, and those that the operation declares, pass; others become
+        `InvalidParameterException`.
+        """
         try:
             yield
         except ServiceError as error:
@@ -126,7 +130,8 @@ class Operation:
         """Runs a stored job to its end, and returns its final description.
 
         If called again for the same job, by any job worker, it continues from the job's state. An interruption (Ctrl-C,
-        the end or cancellation of the flow run) cancels the job, and is raised again once the job has ended.
+        the end or cancellation of the flow run) cancels the job, and is raised again once the job has ended. Raises
+        `InvalidParameterException` if the operation has no job to run.
         """
         if self.run_job is None:
             raise InvalidParameterException(f"{self.name} is no job operation: it has nothing to perform")
@@ -156,7 +161,9 @@ _registry: dict[str, Operation] = {}
 
 
 def operation(name: str, *, perform: JobRunner | None = None) -> Callable[[Handler], Handler]:
-    """Decorator that registers a function as the handler of a service operation.
+    """Returns a decorator that registers a function as the handler of a service operation.
+
+    The decorator raises `ValueError` if a job operation has nothing to perform, or another has.
 
     Args:
         name: The operation's name, a key of `OPERATIONS`.
@@ -175,7 +182,7 @@ def operation(name: str, *, perform: JobRunner | None = None) -> Callable[[Handl
 
 @cache
 def registry() -> Mapping[str, Operation]:
-    """Returns all API operations, by name."""
+    """Returns all API operations with their handlers, by name; the first call imports the modules that have them."""
     for module in MODULES:
         importlib.import_module(module.replace(".schemas.", ".tasks.", 1))
     return dict(sorted(_registry.items()))
@@ -203,7 +210,7 @@ def call(name: str, data: Mapping[str, Any], service: Service) -> dict[str, Any]
 
 
 def flow_names() -> set[str]:
-    """Returns the names of this package's flows in Prefect."""
+    """Returns the names that this package's flows have in Prefect: of operations, of their jobs, and `RunPipeline`."""
     operations = registry().values()
     performing = {entry.perform_name for entry in operations if entry.run_job}
     return {"RunPipeline", *performing, *(entry.name for entry in operations)}

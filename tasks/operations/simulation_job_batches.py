@@ -25,13 +25,20 @@ MAX_TIMEOUT_S = 1_209_600
 
 
 def perform_simulation_job_batch(arn: str, service: Service) -> None:
-    """Runs a simulation job batch: makes jobs of its requests, runs them, and ends the batch."""
+    """Runs a simulation job batch: makes jobs of its requests, runs them, and sets the batch's final status.
+
+    Blocks until the batch has ended, also if another process runs it.
+    """
     run_under_lease(arn, KIND, service, lambda lease: BatchRun(lease, service).run())
 
 
 @operation("StartSimulationJobBatch", perform=perform_simulation_job_batch)
 def start_simulation_job_batch(request: StartSimulationJobBatchRequest, service: Service) -> Answer:
-    """Handles `StartSimulationJobBatch`: stores a batch; its requests become jobs when the batch runs."""
+    """Handles `StartSimulationJobBatch`: stores a batch; its requests become jobs when the batch runs.
+
+    Returns the description of the new batch, or of the one that a request with the same client token has stored. A
+    limit that the request omits gets the default: the longest timeout, and this machine's number of jobs at once.
+    """
     _check_rooms(request, service)
     policy = request.batchPolicy.to_wire() if request.batchPolicy else {}
     batch = service.store_job(
@@ -69,7 +76,7 @@ def describe_simulation_job_batch(request: DescribeSimulationJobBatchRequest, se
 
 @operation("ListSimulationJobBatches")
 def list_simulation_job_batches(request: ListSimulationJobBatchesRequest, service: Service) -> Answer:
-    """Handles `ListSimulationJobBatches`: lists batches with their numbers of requests by state."""
+    """Handles `ListSimulationJobBatches`: returns a page of batches with their numbers of requests by state."""
     page = page_of(request, KIND, service, "status", members=BatchCounts.members())
     created = service.catalog.count_each([batch.arn for batch in page.resources], "simulation-job")
     return {

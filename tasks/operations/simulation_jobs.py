@@ -34,7 +34,10 @@ KIND = "simulation-job"
 
 
 def perform_simulation_job(arn: str, service: Service) -> None:
-    """Runs a simulation job in a separate process, and uploads its outputs."""
+    """Waits for a slot of this machine, runs a simulation job in separate processes, and uploads its outputs.
+
+    Blocks until the job has ended, and reports its progress. A failed job raises no error: its status says so.
+    """
     run_step = step_runner()
 
     def has_to_end() -> bool:
@@ -63,7 +66,11 @@ def perform_simulation_job(arn: str, service: Service) -> None:
 
 @operation("CreateSimulationJob", perform=perform_simulation_job)
 def create_simulation_job(request: CreateSimulationJobRequest, service: Service) -> Answer:
-    """Handles `CreateSimulationJob`: stores a job after checking that its applications, world and data exist."""
+    """Handles `CreateSimulationJob`: stores a job after checking that its applications, world and data exist.
+
+    Returns its description; the job is not run here. Where results are reused, the new job has finished already if an
+    earlier job with the same inputs has results.
+    """
     token = ClientToken.of("CreateSimulationJob", request)
     service = service.with_blocks(read_credential_block)
     job = reuse_job(request, service, token=token) if service.reuses else None
@@ -83,7 +90,10 @@ def describe_simulation_job(request: DescribeSimulationJobRequest, service: Serv
 def batch_describe_simulation_job(
     request: BatchDescribeSimulationJobRequest, service: Service
 ) -> BatchDescribeSimulationJobResponse:
-    """Handles `BatchDescribeSimulationJob`: returns the descriptions of several simulation jobs."""
+    """Handles `BatchDescribeSimulationJob`: returns the descriptions of several simulation jobs.
+
+    ARNs without a job are listed as unprocessed.
+    """
     found = {arn: job for arn, job in service.catalog.get_many(request.jobs).items() if job.kind == KIND}
     jobs = [SimulationJob.model_validate(describe(found[arn])) for arn in request.jobs if arn in found]
     missing = [arn for arn in request.jobs if arn not in found]
@@ -92,7 +102,7 @@ def batch_describe_simulation_job(
 
 @operation("ListSimulationJobs")
 def list_simulation_jobs(request: ListSimulationJobsRequest, service: Service) -> Answer:
-    """Handles `ListSimulationJobs`: lists jobs, at most 100 in a page."""
+    """Handles `ListSimulationJobs`: returns a page of jobs, newest first, and a token for the next page."""
     page = page_of(request, KIND, service, "status", "simulationApplicationName", "robotApplicationName")
     return {"simulationJobSummaries": [summary(job) for job in page.resources], "nextToken": page.next_token}
 
@@ -115,7 +125,10 @@ def cancel_simulation_job(request: CancelSimulationJobRequest, service: Service)
 
 @operation("RestartSimulationJob")
 def restart_simulation_job(request: RestartSimulationJobRequest, service: Service) -> Answer:
-    """Handles `RestartSimulationJob`: restarts a running simulation job from the start."""
+    """Handles `RestartSimulationJob`: requests that a running simulation job starts again from the beginning.
+
+    Raises `InvalidParameterException` if the job is not running or is being cancelled.
+    """
     job = service.catalog.get(request.job, kind=KIND)
     _, is_to_be_cancelled = service.catalog.standing(request.job)
     if is_to_be_cancelled and not is_terminal(KIND, job.status):
@@ -160,7 +173,7 @@ def describe(job: Resource) -> dict[str, Any]:
 
 
 def summary(job: Resource) -> dict[str, Any]:
-    """Makes the members of a simulation job's entry in a list."""
+    """Returns the members of a simulation job's entry in the answer of `ListSimulationJobs`."""
     document = SimulationJobDocument.of(job)
     return {
         "arn": job.arn,
@@ -175,7 +188,10 @@ def summary(job: Resource) -> dict[str, Any]:
 
 
 def _with_defaults(role: ApplicationRole, document: SimulationJobDocument) -> list[dict[str, Any]] | None:
-    """Returns the application configurations as the service describes them: ARNs, and defaults of omitted members."""
+    """Returns a job's application configurations as the service describes them: ARNs, and defaults of omitted members.
+
+    Returns `None` if the job has no application of that role.
+    """
     configs: Sequence[Mapping[str, Any]] | None = document.request.get(f"{role}Applications")
     if not configs:
         return None

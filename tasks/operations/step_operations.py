@@ -49,7 +49,10 @@ def existing_resource(step: CheckedStep, request: Mapping[str, Any], service: Se
 
 
 def _vary_worlds(request: VaryWorldsRequest, service: Service) -> VaryWorldsResponse:
-    """Makes and stores each variation of each world, even if it breaks guarantees; existing ones are not made again."""
+    """Handles the step operation `VaryWorlds`: makes and stores each variation of each world, and returns them.
+
+    A variation may break guarantees. Existing ones are not made again.
+    """
     made = [
         _varied(arn, variation, f"variations[{number}] of world {arn}", service)
         for arn in request.worlds

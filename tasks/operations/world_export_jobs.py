@@ -26,13 +26,19 @@ _ORIGINS = ("generationJobId", "templateId")
 
 
 def perform_world_export_job(arn: str, service: Service) -> None:
-    """Runs a world export job: packs its worlds into an archive and stores it."""
+    """Runs a world export job: packs its worlds into an archive, stores it, and sets the job's final status.
+
+    Blocks until the job has ended, also if another process runs it.
+    """
     run_under_lease(arn, KIND, service, lambda lease: run_export(lease, service))
 
 
 @operation("CreateWorldExportJob", perform=perform_world_export_job)
 def create_world_export_job(request: CreateWorldExportJobRequest, service: Service) -> Answer:
-    """Handles `CreateWorldExportJob`: stores an export job for existing worlds."""
+    """Handles `CreateWorldExportJob`: stores an export job for existing worlds, and returns its description.
+
+    A request with a known client token returns the job that it has stored before. The job is not run here.
+    """
     token = ClientToken.of("CreateWorldExportJob", request)
     answer = _described(service.find_by_client_token(token) or _stored(request, token, service))
     del answer["worlds"], answer["failureReason"]
@@ -60,7 +66,7 @@ def _labels(worlds: Sequence[Resource], key: str) -> list[str]:
 
 @operation("ListWorldExportJobs")
 def list_world_export_jobs(request: ListWorldExportJobsRequest, service: Service) -> Answer:
-    """Handles `ListWorldExportJobs`: lists export jobs, newest first."""
+    """Handles `ListWorldExportJobs`: returns a page of export jobs, newest first, and a token for the next page."""
     page = page_of(request, KIND, service, "status", *_ORIGINS)
     return {"worldExportJobSummaries": [_summary(job) for job in page.resources], "nextToken": page.next_token}
 

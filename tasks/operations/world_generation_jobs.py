@@ -20,13 +20,19 @@ KIND = "world-generation-job"
 
 
 def perform_world_generation_job(arn: str, service: Service) -> None:
-    """Runs a world generation job: generates its missing worlds and ends the job."""
+    """Runs a world generation job: generates its missing worlds, and sets the job's final status.
+
+    Blocks until the job has ended, also if another process runs it.
+    """
     run_under_lease(arn, KIND, service, lambda lease: run_generation(lease, service))
 
 
 @operation("CreateWorldGenerationJob", perform=perform_world_generation_job)
 def create_world_generation_job(request: CreateWorldGenerationJobRequest, service: Service) -> Answer:
-    """Handles `CreateWorldGenerationJob`: stores a generation job with a copy of the template's current body."""
+    """Handles `CreateWorldGenerationJob`: stores a generation job with a copy of the template's current body.
+
+    A request with a known client token returns the job that it has stored before. The job is not run here.
+    """
     token = ClientToken.of("CreateWorldGenerationJob", request)
     job = service.find_by_client_token(token) or _stored(request, token, service)
     return _described(job)
@@ -53,7 +59,7 @@ def _stored(request: CreateWorldGenerationJobRequest, token: ClientToken | None,
 
 @operation("DescribeWorldGenerationJob")
 def describe_world_generation_job(request: DescribeWorldGenerationJobRequest, service: Service) -> Answer:
-    """Handles `DescribeWorldGenerationJob`: returns the job with the worlds finished so far."""
+    """Handles `DescribeWorldGenerationJob`: returns the job, the worlds finished so far, and its failures by code."""
     job = service.catalog.get(request.job, kind=KIND)
     document = WorldGenerationJobDocument.of(job)
     worlds, plans = document.succeeded_worlds, document.plan_count
@@ -74,7 +80,7 @@ def describe_world_generation_job(request: DescribeWorldGenerationJobRequest, se
 
 @operation("ListWorldGenerationJobs")
 def list_world_generation_jobs(request: ListWorldGenerationJobsRequest, service: Service) -> Answer:
-    """Handles `ListWorldGenerationJobs`: lists generation jobs, newest first."""
+    """Handles `ListWorldGenerationJobs`: returns a page of generation jobs, newest first, and the next page's token."""
     page = page_of(request, KIND, service, "status", "templateId")
     return {
         "worldGenerationJobSummaries": [_summary(job, service) for job in page.resources],

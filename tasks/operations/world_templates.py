@@ -38,7 +38,10 @@ _MAX_BODY_BYTES = 4 * 262_144  # the body may hold 262,144 characters of up to f
 
 @operation("CreateWorldTemplate")
 def create_world_template(request: CreateWorldTemplateRequest, service: Service) -> CreateWorldTemplateResponse:
-    """Handles `CreateWorldTemplate`: checks and stores a template body."""
+    """Handles `CreateWorldTemplate`: checks a template body, stores it as a new template, and describes that.
+
+    A request with a known client token returns the template that it has stored before.
+    """
     token = ClientToken.of("CreateWorldTemplate", request)
     return _answer(service.find_by_client_token(token) or _stored(request, token, service), request)
 
@@ -106,7 +109,10 @@ def _stored(request: CreateWorldTemplateRequest, token: ClientToken | None, serv
 
 @operation("UpdateWorldTemplate")
 def update_world_template(request: UpdateWorldTemplateRequest, service: Service) -> UpdateWorldTemplateResponse:
-    """Handles `UpdateWorldTemplate`: changes a template's name or body; existing jobs keep the old body."""
+    """Handles `UpdateWorldTemplate`: changes a template's name or body; existing jobs keep the old body.
+
+    A member that the request omits stays. Raises `ResourceNotFoundException` if there is no such template.
+    """
     service.catalog.get(request.template, kind=KIND)
     body: TemplateBody | None = None
     if request.templateBody is not None or request.templateLocation is not None:
@@ -148,7 +154,7 @@ def get_world_template_body(request: GetWorldTemplateBodyRequest, service: Servi
 
 @operation("ListWorldTemplates")
 def list_world_templates(request: ListWorldTemplatesRequest, service: Service) -> Answer:
-    """Handles `ListWorldTemplates`: lists templates, newest first."""
+    """Handles `ListWorldTemplates`: returns one page of templates, newest first, and a token for the next page."""
     page = page_of(request, KIND, service)
     summaries = [
         {
@@ -165,14 +171,21 @@ def list_world_templates(request: ListWorldTemplatesRequest, service: Service) -
 
 @operation("DeleteWorldTemplate")
 def delete_world_template(request: DeleteWorldTemplateRequest, service: Service) -> Answer:
-    """Handles `DeleteWorldTemplate`: deletes a template; worlds and jobs made from it stay."""
+    """Handles `DeleteWorldTemplate`: deletes a template; worlds and jobs made from it stay.
+
+    Raises `ResourceNotFoundException` if there is no such template.
+    """
     service.catalog.get(request.template, kind=KIND)
     service.catalog.delete(request.template)
     return {}
 
 
 def _checked_body(text: str | None, location: TemplateLocation | None, service: Service) -> TemplateBody:
-    """Checks a template body, and returns the document members that depend on it."""
+    """Checks a template body, given as text or by its place, and returns the document members that depend on it.
+
+    Raises `InvalidParameterException` if it is invalid, or if it has extensions that the settings refuse. The place is
+    read if the text is absent or empty.
+    """
     given = text or _read_body(location, service)
     body = parse_template_body(given)
     if service.settings.refuse_deprecated and (uses := list(body_extensions(body))):

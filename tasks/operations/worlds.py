@@ -31,7 +31,7 @@ def describe_world(request: DescribeWorldRequest, service: Service) -> Answer:
 
 @operation("ListWorlds")
 def list_worlds(request: ListWorldsRequest, service: Service) -> Answer:
-    """Handles `ListWorlds`: lists worlds, newest first."""
+    """Handles `ListWorlds`: returns a page of worlds, newest first, and a token for the next page."""
     # The service documented `status`, though its worlds have none: here they all are `Active`.
     page = page_of(request, KIND, service, "status", "generationJobId", "templateId")
     return {"worldSummaries": [_summary(world) for world in page.resources], "nextToken": page.next_token}
@@ -39,7 +39,10 @@ def list_worlds(request: ListWorldsRequest, service: Service) -> Answer:
 
 @operation("BatchDeleteWorlds")
 def batch_delete_worlds(request: BatchDeleteWorldsRequest, service: Service) -> BatchDeleteWorldsResponse:
-    """Handles `BatchDeleteWorlds`: deletes worlds and their files; jobs that already run in them continue."""
+    """Handles `BatchDeleteWorlds`: deletes worlds and their files; jobs that already run in them continue.
+
+    Worlds that do not exist or cannot be deleted are listed as unprocessed.
+    """
     found = service.catalog.get_many(request.worlds)
     left = [
         arn
@@ -50,7 +53,11 @@ def batch_delete_worlds(request: BatchDeleteWorldsRequest, service: Service) -> 
 
 
 def _description(world: Resource, service: Service) -> str | None:
-    """Returns the world's description with the hash of its bundle; worlds of earlier releases may have none."""
+    """Returns the world's description as JSON text, with the hash of the world's bundle added as `contentHash`.
+
+    Returns `None` for a world of an earlier release that has no description. Raises `InternalServerException` if the
+    description cannot be read.
+    """
     document = WorldDocument.of(world)
     if document.bundle is None or document.description_key is None:
         return None

@@ -137,7 +137,10 @@ def _is_broken(arm: Arm) -> bool:
 
 
 def _catch(arm: Arm) -> tuple[float, str]:
-    """Returns time (s) and name of the first missed requirement; else infinity, and `a crash` or `an error`."""
+    """Returns time (s) and name of the first requirement that noticed a sabotage.
+
+    If none was missed, the time is infinite, and the name says that a crash, an error or the verdict noticed it.
+    """
     if arm.missed:
         return _time_of(arm.missed[0]), arm.missed[0].name
     return math.inf, A_CRASH if arm.has_crashed else "an error" if arm.verdict == "ERROR" else "its verdict"

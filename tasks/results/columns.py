@@ -28,7 +28,7 @@ class Names:
 
     @classmethod
     def of(cls, rows: Iterable[TrialRow], most: int = MAX_COLUMNS) -> "Names":
-        """Collects the names of metrics and requirements from trials, at most `most` of each kind."""
+        """Collects the names of metrics and requirements from trials, at most `most` of each, the first that occur."""
         names = cls(most)
         for row in rows:
             names._add(names.metrics, row.metrics)
@@ -77,7 +77,13 @@ def schema_of(axes: Mapping[str, bool], names: Names) -> "pa.Schema":
 
 
 def columns_of(row: TrialRow, names: Names, *, recorded: bool = False) -> dict[str, Any]:
-    """Converts a trial to the values of a table row, by column name."""
+    """Converts a trial to the values of a table row, by column name.
+
+    Args:
+        row: The trial.
+        names: Metrics and requirements that get columns of their own; others have none.
+        recorded: Whether a recording of the trial was kept.
+    """
     # Of several of one name, which an environment may report, the one that was missed by most.
     requirements = [each for each in reversed(_worst_first(row.requirements)) if each.name in names.requirements]
     return {

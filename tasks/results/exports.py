@@ -53,7 +53,7 @@ def export_table(table: "pa.Table", path: Path) -> None:
 
     Args:
         table: The table.
-        path: Path of the file; see `check_extension`.
+        path: Path of the file, whose suffix has passed `check_extension`.
 
     Raises:
         OSError: It cannot be written; an earlier file is still there.

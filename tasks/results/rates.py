@@ -46,14 +46,14 @@ def wilson_interval(successes: int, trials: int, quantile: float = _Z_95) -> tup
 
 @dataclass
 class Counts:
-    """Numbers of trials that passed, failed, or ended with an error."""
+    """Numbers of trials that passed, failed, or ended with an error; counts can be added."""
 
     passed: int = 0
     failed: int = 0
     errors: int = 0
 
     def share(self, name: str) -> Share:
-        """Returns the counts as a pass rate with confidence interval."""
+        """Returns these counts as a pass rate with its confidence interval, under a name."""
         return share_of(name, self.passed, self.failed, self.errors)
 
     def __add__(self, other: "Counts") -> "Counts":
@@ -61,7 +61,10 @@ class Counts:
 
 
 def share_of(name: str, passed: int, failed: int, errors: int = 0) -> Share:
-    """Makes a pass rate with confidence interval from counts."""
+    """Returns a pass rate with its confidence interval (Wilson) from counts; without trials it has no rate.
+
+    Trials that ended with an error do not count for the rate.
+    """
     trials = passed + failed
     if not trials:
         return Share(name=name, passed=passed, failed=failed, errors=errors)
@@ -72,7 +75,7 @@ def share_of(name: str, passed: int, failed: int, errors: int = 0) -> Share:
 
 
 def of_outcomes(name: str, outcomes: Sequence[CaseOutcome]) -> Share:
-    """Computes the pass rate of jobs or trials; stopped and unjudged ones do not count.
+    """Returns the pass rate of jobs or trials; stopped and unjudged ones do not count.
 
     Args:
         name: Name of the rate: what the jobs or trials have in common.
@@ -82,7 +85,7 @@ def of_outcomes(name: str, outcomes: Sequence[CaseOutcome]) -> Share:
 
 
 def of_table(name: str, results: ResultTable, *, errors_fail: bool = False) -> Share:
-    """Computes the pass rate of all trials in a results table; see `of_outcomes`.
+    """Returns the pass rate of all trials in a results table; see `of_outcomes`.
 
     Args:
         name: Name of the rate: what the trials have in common.
@@ -96,7 +99,10 @@ def of_table(name: str, results: ResultTable, *, errors_fail: bool = False) -> S
 
 
 def counts_by(results: ResultTable, column: str) -> dict[str, Counts]:
-    """Counts trials by the values of a text column (such as the world), in order of occurrence."""
+    """Counts a run's trials by outcome, for each value of a text column (such as the world), in order of occurrence.
+
+    Trials with an empty cell in the column are not counted.
+    """
     groups, names = results.codes(column)
     codes, outcomes = results.codes("outcome")
     here = groups >= 0
@@ -108,12 +114,12 @@ def counts_by(results: ResultTable, column: str) -> dict[str, Counts]:
 
 
 def by_world(results: ResultTable) -> list[Share]:
-    """Computes the pass rate of each world, worst first."""
+    """Returns the pass rate of each world, with its confidence interval, worst first."""
     return _worst_first(counts.share(name) for name, counts in counts_by(results, "world_name").items())
 
 
 def by_room(jobs: Iterable[ReportedJob]) -> list[Share]:
-    """Computes for each room name the share of jobs in which the robot visited the room, worst first."""
+    """Returns for each room name the share of jobs in which the robot visited the room, worst first."""
     visits: dict[str, list[bool]] = {}
     for job in jobs:
         for room in job.result.rooms if job.result else ():
@@ -122,9 +128,10 @@ def by_room(jobs: Iterable[ReportedJob]) -> list[Share]:
 
 
 def requirement_counts(results: ResultTable) -> dict[str, Counts]:
-    """Counts, for each requirement, the trials that met or missed it.
+    """Counts, for each requirement, the trials that met it, that missed it, and in which it could not be judged.
 
-    Trials that ended with an error do not count, as they might have missed a requirement later.
+    Trials that ended with an error do not count as met, as they might have missed it later. Requirements without any
+    count are left out.
     """
     broken: Counter[str] = Counter(
         each.name
@@ -144,7 +151,7 @@ def requirement_counts(results: ResultTable) -> dict[str, Counts]:
 
 
 def by_requirement(results: ResultTable) -> list[Share]:
-    """Computes the pass rate of each requirement, worst first, with its smallest margin."""
+    """Returns the pass rate of each requirement, worst first, with its smallest margin."""
     units = margin_units(results)
     return _worst_first(
         _with_margin(counts.share(name), units.get(name, set()), results)
@@ -188,5 +195,5 @@ def _counts(outcomes: Counter[str]) -> Counts:
 
 
 def _worst_first(shares: Iterable[Share]) -> list[Share]:
-    """Sorts rates: those with errors or failures first, by rate; the others keep their order."""
+    """Returns rates sorted: those with errors or failures first, by rate; the others keep their order."""
     return sorted(shares, key=lambda share: (not share.errors, share.rate if share.rate is not None else 1.0))

@@ -54,7 +54,7 @@ class ResultTable:
 
     @classmethod
     def of(cls, jobs: Sequence[JobRecord], trials: TrialsOf | None = None) -> "ResultTable":
-        """Makes the results table of some jobs.
+        """Makes and returns the results table of some jobs, with a row for each trial.
 
         A job that failed between two trials has a row of its own for that, in addition to its trials' rows.
 
@@ -88,7 +88,7 @@ class ResultTable:
 
     @classmethod
     def read(cls, path: Path) -> "ResultTable":
-        """Opens a results table from a file; columns are read when needed.
+        """Opens a results table from a file, and reads each column once to find damage; later, columns are read anew.
 
         Raises:
             OSError: The file does not exist, or cannot be read.
@@ -148,17 +148,17 @@ class ResultTable:
 
     @property
     def axes(self) -> list[str]:
-        """Names of the axes that the trials have."""
+        """Names of the axes that some trial of the run has."""
         return list(self._names("axis."))
 
     @property
     def metrics(self) -> list[str]:
-        """Names of the metrics that the trials have."""
+        """Names of the metrics that some trial of the run has."""
         return list(self._names("metric."))
 
     @property
     def requirements(self) -> list[str]:
-        """Names of the requirements that the trials have."""
+        """Names of the requirements that some trial of the run has."""
         return list(self._names("requirement."))
 
     def values(self, axis: str) -> list[Value | None]:
@@ -174,7 +174,11 @@ class ResultTable:
         return self.texts(_NAME if _NAME in self._all_names else "job")
 
     def codes(self, column: str) -> tuple[NDArray[np.int32], list[str]]:
-        """Returns a text column as integer codes (-1 for empty cells) and the list of distinct texts."""
+        """Returns a text column as integer codes, and the list of distinct texts that the codes number.
+
+        Returns:
+            Codes of all rows, shape (rows,), -1 for empty cells; and the texts, in which code 0 is the first.
+        """
         import pyarrow as pa
 
         found = self._column(column)
@@ -201,12 +205,12 @@ class ResultTable:
         return found.to_numpy().astype(np.int8)
 
     def rows_of(self, job: JobRecord) -> range:
-        """Returns the row numbers of a job's trials."""
+        """Returns the numbers of a job's rows, one for each trial; an empty range if the table has none of the job."""
         rows = self._jobs.get((job.step or "", job.label), slice(0, 0))
         return range(rows.start, rows.stop)
 
     def states_of(self, jobs: Iterable[JobRecord], digests: Mapping[str, str]) -> list[str | None]:
-        """Returns the digest of all states of each row; of jobs without trials the table has none.
+        """Returns the digest of all states of each row; `None` if it is in neither the table nor `digests`.
 
         Args:
             jobs: The jobs of the table.
@@ -255,7 +259,7 @@ _UNKNOWN_OF_JOBS = dict.fromkeys(
 
 
 def _rows_of(jobs: Sequence[JobRecord]) -> "pa.Table":
-    """Makes the rows of jobs without trials, one for each job."""
+    """Returns a table with a row for each of some jobs without trials; columns that jobs do not know are empty."""
     import pyarrow as pa
 
     axes = {
@@ -296,7 +300,10 @@ def _rows_of(jobs: Sequence[JobRecord]) -> "pa.Table":
 
 
 def _of_trials(job: JobRecord, trials: "pa.Table") -> "pa.Table":
-    """Makes the rows of a job's trials, with the columns of the job added."""
+    """Returns the table of a job's trials, with columns for the job, its axes, and each trial's outcome and folder.
+
+    If the job was cancelled or has not ended, no trial was judged: all get that outcome.
+    """
     import pyarrow as pa
 
     count = trials.num_rows
@@ -319,7 +326,7 @@ def _of_trials(job: JobRecord, trials: "pa.Table") -> "pa.Table":
 
 
 def _of_one_type(tables: Sequence["pa.Table"]) -> list["pa.Table"]:
-    """Tables whose axes of one name have one type: text, where steps or jobs have numbers and texts."""
+    """Returns tables in which axes of the same name have one type: text, where some have numbers and some texts."""
     import pyarrow as pa
 
     types: dict[str, set[Any]] = {}
@@ -339,7 +346,7 @@ def _of_one_type(tables: Sequence["pa.Table"]) -> list["pa.Table"]:
 
 
 def _columns() -> list[str]:
-    """Columns about jobs, in their order: the name stands behind the id."""
+    """Returns the names of the columns about jobs, in their order: the name stands behind the id."""
     after = _OF_JOBS.index("job") + 1
     return [*_OF_JOBS[:after], _NAME, *_OF_JOBS[after:]]
 
@@ -356,7 +363,7 @@ def _place(job: JobRecord) -> dict[str, str | None]:
 
 
 def _broke_between(job: JobRecord, trials: "pa.Table") -> bool:
-    """Returns whether a job failed although none of its trials did: its program ended, or its machine failed."""
+    """Returns whether a job ended with an error, but none of its trials did: its program or machine failed."""
     if case_outcome(job.status, job.verdict, job.failure_code) != "broken":
         return False
     return "ERROR" not in trials["verdict"].to_pylist()

@@ -57,7 +57,7 @@ class _Chosen:
 
 
 def plan_collection(policy: RetentionPolicy, service: Service) -> GcReport:
-    """Reports what `robomaker gc` would delete under a policy, and deletes nothing.
+    """Returns a report of what `robomaker gc` would delete under a policy; deletes nothing.
 
     Raises:
         ConfigurationError: The policy would remove everything.
@@ -66,7 +66,7 @@ def plan_collection(policy: RetentionPolicy, service: Service) -> GcReport:
 
 
 def collect(policy: RetentionPolicy, service: Service) -> GcReport:
-    """Deletes runs, jobs and worlds that no rule of the policy keeps; errors are in the report.
+    """Deletes runs, jobs and worlds that no rule of the policy keeps, and returns a report, which has the errors.
 
     Raises:
         ConfigurationError: The policy would remove everything, or another collection is going on.
@@ -122,7 +122,7 @@ def _choose(policy: RetentionPolicy, service: Service) -> _Chosen:
 
 
 def _thins(unit: Unit, policy: RetentionPolicy) -> bool:
-    """Whether a unit that no rule keeps is only thinned; an incomplete one is deleted."""
+    """Whether a unit that no rule keeps is only thinned, so that its results stay; else it is deleted."""
     return policy.keep_results and not unit.candidate.begun and (unit.record is not None or unit.folder is None)
 
 
@@ -131,12 +131,15 @@ def _gone(policy: RetentionPolicy, chosen: _Chosen) -> list[Unit]:
 
 
 def _removed(policy: RetentionPolicy, chosen: _Chosen) -> Set[str]:
-    """Returns the ARNs of the jobs that are deleted."""
+    """Returns the ARNs of the jobs that are deleted: those of deleted units, without jobs that kept items name."""
     return {arn for unit in _gone(policy, chosen) for arn in unit.jobs} - chosen.holders.keys()
 
 
 def _orphans(policy: RetentionPolicy, service: Service, runs: list[Unit], chosen: _Chosen) -> list[Resource]:
-    """Returns worlds that are old enough, and that no kept run, job or deployment uses."""
+    """Returns worlds that are older than the policy's age, and that no kept run, job or deployment uses.
+
+    Returns none if the policy does not ask for orphaned worlds or sets no age.
+    """
     if not policy.orphaned_worlds or policy.older_than is None:
         return []
     gone, removed = _gone(policy, chosen), _removed(policy, chosen)
@@ -148,7 +151,10 @@ def _orphans(policy: RetentionPolicy, service: Service, runs: list[Unit], chosen
 
 
 def _judged(unit: Unit, policy: RetentionPolicy, service: Service) -> Unit:
-    """Returns the unit, marked as failed if its jobs' verdicts say so; looked up only where the policy needs it."""
+    """Returns the unit, marked as failed if a stored result of one of its jobs has the verdict FAIL or ERROR.
+
+    Results that cannot be read are skipped. Results are read only if the policy keeps failures.
+    """
     if not policy.keep_failures or unit.candidate.failed:
         return unit
     for job in unit.jobs.values():
@@ -165,7 +171,16 @@ def _judged(unit: Unit, policy: RetentionPolicy, service: Service) -> Unit:
 def _item(
     unit: Unit, policy: RetentionPolicy, chosen: _Chosen, service: Service, counted: set[str], *, act: bool
 ) -> GcItem:
-    """Deletes, thins or keeps a unit, and reports it; a job that several units share is counted once (`counted`)."""
+    """Deletes, thins or keeps a unit (a run or jobs), and returns the report's entry on it.
+
+    Args:
+        unit: The run or the jobs.
+        policy: Rules that decide whether to keep it.
+        chosen: Decisions on all units.
+        service: The service, with its catalog and object store.
+        counted: ARNs of jobs whose size another unit has counted; this unit's jobs are added.
+        act: Whether to delete; if false, the entry only says what would be deleted.
+    """
     candidate = unit.candidate
     about = GcItem(
         kind="run" if unit.folder is not None else "jobs",
@@ -205,7 +220,10 @@ def _sizes(amount: Amount) -> dict[str, int]:
 
 
 def _done(measured: Callable[[], Amount], remove: Callable[[], None] | None) -> tuple[Amount, str | None]:
-    """Measures something, then deletes it; returns the amount, and an error text if the deletion failed."""
+    """Measures something, and deletes it unless `remove` is `None`; returns the amount, and an error text or `None`.
+
+    Raises `ServiceUnavailableException` if the catalog does not answer; other errors become the text.
+    """
     amount = Amount()
     try:
         amount = measured()

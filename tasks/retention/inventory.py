@@ -118,7 +118,7 @@ def takers_over(service: Service, besides: Set[str]) -> dict[str, str]:
 
 
 def with_jobs_of(orders: Mapping[str, str], service: Service) -> dict[str, str]:
-    """Adds the jobs of batches to a mapping of protected jobs and batches.
+    """Returns a mapping of protected jobs and batches with the jobs of these batches added.
 
     Args:
         orders: Text that says what needs an order, by the order's ARN.
@@ -128,7 +128,10 @@ def with_jobs_of(orders: Mapping[str, str], service: Service) -> dict[str, str]:
 
 
 def open_since(runs: list[Unit]) -> datetime | None:
-    """Returns the start of the oldest run that may still be running; newer resources may belong to it."""
+    """Returns the start of the oldest run that may still be running; newer resources may belong to it.
+
+    Returns `None` if no run may be running.
+    """
     return min((_begun(run) for run in runs if run.record is None and run.candidate.busy), default=None)
 
 
@@ -137,7 +140,7 @@ def _is_since(resource: Resource, since: datetime | None) -> bool:
 
 
 def worlds_in(document: Any) -> set[str]:
-    """Finds the ARNs of worlds anywhere in a JSON document."""
+    """Returns the ARNs of worlds that occur anywhere in a JSON document."""
     return {world for text in _texts_in(document) for world in _WORLD.findall(text)}
 
 
@@ -191,7 +194,7 @@ def _unrecorded(folder: Path, service: Service) -> Unit:
 
 
 def _begun(run: Unit) -> datetime:
-    """Returns when a run without a record began, from its folder's name."""
+    """Returns the time at which a run without a record began, from its folder's name, or else an early guess."""
     try:
         return datetime.strptime(run.candidate.id.rpartition("-")[2] + "000", "%Y%m%dT%H%M%S%f").replace(tzinfo=UTC)
     except ValueError:
@@ -219,7 +222,7 @@ def _with_children(orders: tuple[str, ...] | list[str], service: Service) -> dic
 
 
 def _content(job: Resource) -> dict[str, Any]:
-    """Returns a job's document as a JSON object."""
+    """Returns a job's stored document, which has its request and results, as a JSON object."""
     return DOCUMENTS[job.kind].of(job).to_json()
 
 

@@ -12,11 +12,11 @@ from ..storage import ObjectInfo
 from .inventory import texts_of_jobs
 
 _LEAST = timedelta(days=1)
-"""Archives younger than this stay: a job that is being prepared has kept its archive, and does not name it yet."""
+"""Least age of deleted archives: a job that is being prepared has kept its archive, and does not name it yet."""
 
 
 def collect_archives(older_than: timedelta | None, besides: Set[str], service: Service, *, act: bool) -> list[GcItem]:
-    """Deletes kept archives that no job was run with which stays.
+    """Deletes kept archives of applications with which no remaining job was run.
 
     Args:
         older_than: The time; less than a day, or none, counts as a day.
@@ -49,7 +49,10 @@ def collect_archives(older_than: timedelta | None, besides: Set[str], service: S
 
 
 def _removed(archives: list[ObjectInfo], service: Service) -> str | None:
-    """Deletes archives, and returns the failure in words."""
+    """Deletes archives from the object store; returns the error as text if one cannot be deleted, else `None`.
+
+    The archives after that one stay. Raises `ServiceUnavailableException` if the catalog does not answer.
+    """
     try:
         for each in archives:
             service.store.delete(each.bucket, each.key)

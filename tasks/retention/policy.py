@@ -48,7 +48,7 @@ def why_kept(candidates: Iterable[Candidate], policy: RetentionPolicy, now: date
 
 
 def named_by(names: Mapping[str, Set[str]], kept: Set[str]) -> dict[str, str]:
-    """Returns for each name which kept item refers to it.
+    """Returns for each id that kept items refer to one of these items, the first by its own id.
 
     Args:
         names: Ids that each names, by id.
@@ -62,7 +62,10 @@ def named_by(names: Mapping[str, Set[str]], kept: Set[str]) -> dict[str, str]:
 
 
 def _newest(candidates: list[Candidate], keep_runs: int | None) -> Set[str]:
-    """Returns the ids of the newest candidates of each group; of several that ended at once the ids decide."""
+    """Returns the ids of the newest `keep_runs` candidates of each group; none if that is `None`.
+
+    Candidates that are partly deleted or have no group are left out. Ids decide between candidates that ended at once.
+    """
     seen: dict[str, int] = {}
     newest: set[str] = set()
     whole = [each for each in candidates if not each.begun]

@@ -49,7 +49,8 @@ def collect_recordings(older_than: timedelta, besides: Set[str], service: Servic
 def _ordered(service: Service, besides: Set[str]) -> set[str]:
     """Returns the recordings' keys in the orders of unfinished runs.
 
-    An interrupted run may have no job yet, and is resumed later.
+    An interrupted run may have no job yet, and is resumed later. If an order cannot be read, the key is that of the
+    folder of all recordings.
     """
     named: set[str] = set()
     for path in (service.settings.home / "runs").glob(f"*/{ORDER_NAME}"):
@@ -65,7 +66,7 @@ def _ordered(service: Service, besides: Set[str]) -> set[str]:
 
 
 def _stored(service: Service) -> Iterator[tuple[str, list[ObjectInfo]]]:
-    """Yields recordings in the service's bucket: their key prefix, and their objects."""
+    """Yields the recordings in the service's bucket: the key prefix of each, and its objects; none without a bucket."""
     try:
         found = list(service.store.list(service.settings.bucket, f"{FOLDER}/"))
     except BucketNotFoundError:
@@ -92,7 +93,10 @@ def _collected(folder: str, objects: list[ObjectInfo], service: Service, *, act:
 
 
 def _removed(objects: list[ObjectInfo], delete: Callable[[str, str], None]) -> str | None:
-    """Deletes objects; returns the error as text, or `None`."""
+    """Deletes objects with the given function; returns the error as text if one cannot be deleted, else `None`.
+
+    The objects after that one stay. Raises `ServiceUnavailableException` if the catalog does not answer.
+    """
     try:
         for each in objects:
             delete(each.bucket, each.key)

@@ -40,12 +40,12 @@ _LEASE_S = 120.0
 
 
 class StillInUse(RobomakerError):
-    """Raised when a resource to be deleted is in use since it was chosen."""
+    """Raised when a run or job that is to be deleted has come into use since it was chosen."""
 
 
 @dataclass(frozen=True)
 class Amount:
-    """Number of files and bytes that are deleted."""
+    """Number and bytes of files that are or would be deleted; amounts can be added."""
 
     objects: int = 0
     size_bytes: int = 0
@@ -55,7 +55,7 @@ class Amount:
 
 
 def measure(unit: Unit, spared: Set[str], service: Service, *, results_stay: bool) -> Amount:
-    """Measures how many files and bytes deleting a unit would free.
+    """Returns the number of files and bytes that deleting a unit would free; deletes nothing.
 
     Args:
         unit: The unit.
@@ -131,7 +131,10 @@ def remove_world(world: Resource, service: Service) -> None:
 
 
 def measure_world(world: Resource, service: Service) -> Amount:
-    """Measures the stored files of a world, local and in the object store; worlds of equal content share them."""
+    """Returns the number and bytes of a world's stored files, local and in the object store.
+
+    Worlds of equal content share them.
+    """
     bundle = WorldDocument.of(world).bundle
     return Amount() if bundle is None else _stored(bundle, service) + on_disk(_copy(bundle, service))
 
@@ -151,7 +154,10 @@ def _remove_job(job: Resource, service: Service) -> None:
 
 
 def _remove_folder(folder: Path) -> None:
-    """Deletes the folder of a job; raises an error if a container of it is left, since the folder records that."""
+    """Deletes the folder of a job with its containers; does nothing if there is none.
+
+    Raises `StorageError` if a container cannot be removed, since the folder records that container.
+    """
     if not folder.is_dir():
         return
     remove_containers_of_job(folder)
@@ -174,7 +180,10 @@ def _thin(place: StoredPlace, service: Service) -> None:
 
 @contextmanager
 def _held(job: Resource, service: Service) -> Iterator[None]:
-    """Holds a job's lease inside the `with` block, so that no other process changes the job meanwhile."""
+    """Holds a job's lease inside the `with` block, so that no other process changes the job meanwhile.
+
+    Raises `StillInUse` if another process holds the lease. A job that no longer exists counts as held.
+    """
     owner = f"gc:{uuid.uuid4().hex}"
     try:
         claimed = service.catalog.claim(job.arn, owner, _LEASE_S)
@@ -190,7 +199,10 @@ def _held(job: Resource, service: Service) -> Iterator[None]:
 
 
 def job_places(job: Resource, service: Service) -> list[StoredPlace]:
-    """Lists the folders in the object store that a job's runs have written."""
+    """Lists the folders in the object store that the runs of a simulation job have written, including earlier runs.
+
+    Folders that belong to another job, whose results were reused, are left out; other kinds of job have none.
+    """
     if job.kind != JOB:
         return []
     document = SimulationJobDocument.of(job)
@@ -235,7 +247,7 @@ def _copy(bundle: StoredPlace, service: Service) -> Path:
 
 
 def on_disk(folder: Path) -> Amount:
-    """Measures the files below a folder; unreadable ones are left out."""
+    """Returns the number and bytes of the files below a folder; unreadable ones are left out."""
     total = Amount()
     for path in folder.rglob("*"):
         with suppress(OSError):

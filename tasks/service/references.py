@@ -38,7 +38,7 @@ _WORDS: Mapping[str, str] = {WORLD: "worlds", JOB: "simulation jobs"}
 _MOST = 12
 """Largest number of candidates that are looked for: a message names five of them."""
 _LOOKED_AT = 200
-"""Newest resources whose names are compared with one that nothing has."""
+"""Number of newest resources whose names are compared with a text that no label fits."""
 _LATEST = "latest"
 
 
@@ -72,7 +72,7 @@ def name_of_job(document: SimulationJobDocument | JobInBrief) -> str:
 
 
 def find_world(wanted: str, service: Service, besides: str = "") -> Resource:
-    """Finds the world that a person means.
+    """Returns the world that a person means by a text.
 
     Of worlds of one name that are the same to the letter, the newest is taken.
 
@@ -90,7 +90,7 @@ def find_world(wanted: str, service: Service, besides: str = "") -> Resource:
 
 
 def find_job(wanted: str, service: Service, besides: str = "") -> Resource:
-    """Finds the simulation job that a person means.
+    """Returns the simulation job that a person means by a text.
 
     Args:
         wanted: ARN, id or its beginning (`sim-8285`), name (`scout in flat 3`), or run and name (`latest/scout in …`).
@@ -106,7 +106,7 @@ def find_job(wanted: str, service: Service, besides: str = "") -> Resource:
 
 
 def find_by_id(wanted: str, kinds: Sequence[Kind], service: Service, besides: str = "") -> Resource:
-    """Finds the job or batch that a person means by its ARN, its id, or the beginning of the id.
+    """Returns the job or batch that a person means by its ARN, its id, or the beginning of the id.
 
     Args:
         wanted: ARN, id or its beginning.
@@ -132,7 +132,10 @@ def find_by_id(wanted: str, kinds: Sequence[Kind], service: Service, besides: st
 
 
 def worlds_meant(wanted: str, service: Service) -> list[Resource]:
-    """Lists the worlds that a text may mean, newest first; of equal worlds of one name only the newest."""
+    """Lists the worlds that a text may mean, newest first: those with this ARN, id or its beginning, else this name.
+
+    Of worlds with the same content and name only the newest is listed. The list is empty if there is none.
+    """
     found = _by_arn_or_id(wanted, WORLD, service)
     if found:
         return found
@@ -146,7 +149,10 @@ def worlds_meant(wanted: str, service: Service) -> list[Resource]:
 
 
 def jobs_meant(wanted: str, service: Service) -> list[Resource]:
-    """Lists the simulation jobs that a text may mean, newest first."""
+    """Lists the simulation jobs that a text may mean, newest first: by ARN, id, place in a run, or name.
+
+    The list is empty if there is none; of very many with one name only the newest are listed.
+    """
     if found := _by_arn_or_id(wanted, JOB, service):
         return found
     if found := _in_run(wanted, service):
@@ -200,7 +206,7 @@ def _by_arn_or_id(wanted: str, kind: Kind, service: Service) -> list[Resource]:
 
 
 def _with_label(wanted: str, kind: Kind, service: Service) -> Iterator[Resource]:
-    """Yields all that have the name, newest first: many nights may have made the same world."""
+    """Yields all worlds or jobs that have the name, newest first: many nights may have made the same world."""
     after = None
     while wanted:
         page = service.catalog.list(kind, filters={NAME_LABEL: [wanted]}, limit=_MOST, after=after)
@@ -210,7 +216,10 @@ def _with_label(wanted: str, kind: Kind, service: Service) -> Iterator[Resource]
 
 
 def _early_worlds(wanted: str, service: Service) -> list[Resource]:
-    """Worlds of early releases, which have no label: they are called as their template is called now."""
+    """Returns the worlds of early releases that have this name: their template's present name, and a number.
+
+    Such worlds have no label with their name. The list is empty if the text does not end in a number.
+    """
     template, _, number = wanted.rpartition(" ")
     if not template or not number.isdecimal():
         return []
@@ -223,7 +232,7 @@ def _early_worlds(wanted: str, service: Service) -> list[Resource]:
 
 
 def _in_run(wanted: str, service: Service) -> list[Resource]:
-    """Returns the jobs that a text means: a run as in `runs_meant`, or `latest`, a slash, and a job's name or id.
+    """Returns the jobs that a text means by a run (id, its beginning, or `latest`), a slash, and a job's name or id.
 
     Raises:
         ConfigurationError: The beginning is that of several runs.
@@ -243,7 +252,11 @@ def _names_in_latest_run(service: Service) -> list[str]:
 
 
 def _record_of(run: str, service: Service) -> RunRecord | None:
-    """Reads the record of a run; None: there is none, or it cannot be read, as `robomaker report` says."""
+    """Returns the record of the run with this id or beginning of an id; `latest` means the latest run that is no probe.
+
+    Returns `None` if there is none or it cannot be read. Raises `ConfigurationError` if the beginning fits several
+    runs.
+    """
     paths = sorted((service.settings.home / "runs").glob("*/run.json"), key=lambda path: path.stat().st_mtime)
     if run == _LATEST:
         records = filter(None, map(_read, reversed(paths)))

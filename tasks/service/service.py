@@ -105,13 +105,13 @@ BUILTINS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
 
 
 def is_builtin(application: Resource) -> bool:
-    """Whether an application is built in."""
+    """Whether an application of the catalog is one that comes with this package."""
     kind, _ = BUILTINS.get(application.name, (None, None))
     return application.kind == kind
 
 
 def register_builtins(catalog: Catalog, settings: Settings) -> None:
-    """Adds the built-in applications to the catalog if they are missing."""
+    """Adds the built-in applications to the catalog if they are missing; existing ones are left as they are."""
     for name, (kind, definition) in BUILTINS.items():
         if catalog.find(kind, name) is not None:
             continue
@@ -209,7 +209,7 @@ class Service:
 
     @classmethod
     def open(cls, settings: Settings, environ: Mapping[str, str] | None = None) -> "Service":
-        """Opens the catalog and the object store, and creates missing parts.
+        """Opens the catalog and the object store, creates missing parts, and returns the service with them.
 
         Raises:
             ConfigurationError: A setting leads nowhere.
@@ -228,7 +228,7 @@ class Service:
     @classmethod
     @contextmanager
     def opened(cls, settings: Settings) -> Generator["Service"]:
-        """Opens the service inside the `with` block; see `open`."""
+        """Opens the service inside the `with` block, and closes its catalog after it; see `open`."""
         service = cls.open(settings)
         try:
             yield service
@@ -237,7 +237,7 @@ class Service:
 
     @classmethod
     def current(cls) -> "Service":
-        """Returns the active service, or the one that the environment variables describe."""
+        """Returns the active service, or else one that the environment variables describe, which is opened then."""
         return _active.get() or _from_environment()
 
     @contextmanager
@@ -250,7 +250,7 @@ class Service:
             _active.reset(token)
 
     def watched_by(self, listener: Callable[[Progress], None], told: Callable[[str], None] | None = None) -> "Service":
-        """Returns the same service with a listener for its progress, and a receiver of its notes."""
+        """Returns a copy of the service that reports progress to `listener`, and notes to `told` if given."""
         return replace(self, report_progress=listener, report_note=told or self.report_note)
 
     def patient(
@@ -279,7 +279,9 @@ class Service:
         return replace(self, store=PatientStore(at_once(self.store), patience))
 
     def acting_as(self, role: str | None) -> "Service":
-        """Returns the same service with the object-store credentials of an access role.
+        """Returns the service with the object-store credentials of an access role.
+
+        Returns this service unchanged if it has no roles, or the role is `None`.
 
         Args:
             role: ARN of the role, as a request names it.
@@ -294,7 +296,7 @@ class Service:
         return replace(self, store=self.store.over(store) if isinstance(self.store, PatientStore) else store)
 
     def with_blocks(self, read_block: ReadBlock) -> "Service":
-        """Returns the same service whose roles' credentials may be Prefect blocks."""
+        """Returns a copy of the service in which Prefect blocks may hold the credentials of roles."""
         return self if self.roles is None else replace(self, roles=self.roles.with_blocks(read_block))
 
     @property
@@ -305,7 +307,7 @@ class Service:
     def ordered_by(
         self, run_id: str | None, *, reuse: bool, in_campaign: bool = False, mixed: bool = False
     ) -> "Service":
-        """Returns the same service for use by a run of a specification; `None` means by no run."""
+        """Returns a copy of the service for use by a run of a specification; `None` means by no run."""
         return replace(self, spec_run=None if run_id is None else SpecRun(run_id, reuse, in_campaign, mixed))
 
     def folder(self, *parts: str) -> Path:
@@ -330,7 +332,7 @@ class Service:
         labels: Mapping[str, Sequence[str]] | None = None,
         status: str = "Pending",
     ) -> Resource:
-        """Stores a new job under a new id.
+        """Stores a new job under a new id in the catalog, and returns it.
 
         Args:
             kind: Kind of the job, as in its ARN.
@@ -360,7 +362,7 @@ class Service:
         return self.catalog.create(job, token=token, lease=lease)
 
     def find_by_client_token(self, token: ClientToken | None) -> Resource | None:
-        """Finds the resource that an earlier call with the same client token created, if any.
+        """Returns the resource that an earlier call with the same client token created, or `None` if there is none.
 
         Raises:
             IdempotentParameterMismatchException: The earlier call was another request.

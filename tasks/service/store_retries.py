@@ -52,7 +52,7 @@ class Patience:
     """Clock that only runs forward, in seconds."""
 
     def ask(self, call: Callable[[], Result], probe: Callable[[], None]) -> Result:
-        """Calls a function until the object store answers, or waiting is over.
+        """Calls a function until the object store answers, and returns its result; gives up when waiting is over.
 
         Args:
             call: The operation; it can be repeated after it was interrupted.
@@ -74,7 +74,10 @@ class Patience:
     def _outlast(
         self, failure: StorageUnavailableError, probe: Callable[[], None], began: float, waits: "_Waits"
     ) -> None:
-        """Waits until the store answers a probe; raises the last failure when waiting is over."""
+        """Waits until the object store answers a probe, with pauses that grow to a maximum.
+
+        Raises the last `StorageUnavailableError` when the time is over or the caller wants to stop.
+        """
         while True:
             waited_s = self.clock() - began
             pause_s = min(_LONGEST_PAUSE_S, max(self.first_pause_s, waited_s / _PART_OF_WAIT))
@@ -91,7 +94,7 @@ class Patience:
                 return
 
     def _is_stopped(self) -> bool:
-        """Whether to stop waiting.
+        """Whether the caller wants to stop waiting for the object store.
 
         If the catalog, which knows whether a job was cancelled, does not answer either, it is asked again at once.
         """
@@ -110,9 +113,10 @@ class Patience:
         return left_s <= 0.0
 
     def _attended(self, call: Callable[[], Result], probe: Callable[[], None], waits: "_Waits") -> Result:
-        """Runs a call in a thread, which is abandoned if the store hangs and waiting is over.
+        """Runs a call in a thread and returns its result; abandons the thread if the store hangs and waiting is over.
 
-        While the store answers probes it is at work, however long the call takes, also when waiting should stop.
+        While the store answers probes it is at work, however long the call takes, also when waiting should stop. Raises
+        the call's own error, or `StorageUnavailableError` when waiting is over.
         """
         outcome, heard = _in_thread(call), False
         silent_since: float | None = None
@@ -141,7 +145,7 @@ class Patience:
 
 
 class _Waits:
-    """Reports once that a call waits for the store, and once that the store answers again."""
+    """Teller that says once that a call waits for the store, and once that the store answers again."""
 
     def __init__(self, patience: Patience) -> None:
         self._patience = patience
@@ -195,20 +199,27 @@ class PatientStore(StoreOver):
         self.patience = patience
 
     def over(self, store: ObjectStore) -> "PatientStore":
-        """Wraps another object store with the same retry policy."""
+        """Returns a store that wraps another object store with the same retry policy."""
         return PatientStore(store, self.patience)
 
     def do(
         self, access: Literal["read", "write"], bucket: str, keys: Iterable[str], call: Callable[[], Result]
     ) -> Result:
-        """Calls the wrapped store, repeatedly until it answers; see `Patience.ask`."""
+        """Calls the wrapped store, again after each outage until it answers, and returns the result.
+
+        Raises `StorageUnavailableError` when the time for waiting is over; see `Patience.ask`.
+        """
         del access, keys
         return self.patience.ask(call, lambda: self.behind.probe(bucket))
 
     def put_files(
         self, bucket: str, files: dict[str, Path], *, stopped: Stopped = never, tell: Tell = tell_none
     ) -> list[ObjectInfo]:
-        """See `ObjectStore`."""
+        """Uploads files as `ObjectStore.put_files`, and repeats the upload while the object store is away.
+
+        A repetition leaves out files that were stored before; `tell` gets their keys too. Returns the stored objects in
+        the order of the files. Raises `StorageUnavailableError` when the time for waiting is over.
+        """
         stored: dict[str, ObjectInfo] = {}
         tries = 0
 
@@ -228,12 +239,12 @@ class PatientStore(StoreOver):
 
 
 def at_once(store: ObjectStore) -> ObjectStore:
-    """Returns the object store without retries, for use while holding a lock."""
+    """Returns the object store without its retries, if it has any, for use while holding a lock."""
     return store.behind if isinstance(store, PatientStore) else store
 
 
 def patiently(store: ObjectStore, bucket: str, call: Callable[[], Result]) -> Result:
-    """Calls a function that uses `at_once(store)`, with the store's retry policy.
+    """Calls a function that uses `at_once(store)`, with the store's retry policy, and returns its result.
 
     Args:
         store: The store, patient or not.
@@ -244,5 +255,5 @@ def patiently(store: ObjectStore, bucket: str, call: Callable[[], Result]) -> Re
 
 
 def stopped_of(store: ObjectStore) -> Stopped:
-    """Returns the function that says whether calls of a store have to stop."""
+    """Returns the function that says whether calls of a store have to stop; for stores without retries, never."""
     return store.patience.stopped if isinstance(store, PatientStore) else never

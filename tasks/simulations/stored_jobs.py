@@ -46,7 +46,7 @@ class FoundResults:
 
 
 def find_results(document: SimulationJobDocument, made_of: MadeOf, service: Service) -> FoundResults:
-    """Finds the newest successful job with the same inputs, whose results can be reused.
+    """Returns the newest successful job with the same inputs, whose results can be reused, or why there is none.
 
     Args:
         document: Document of the new job.
@@ -71,7 +71,7 @@ def find_results(document: SimulationJobDocument, made_of: MadeOf, service: Serv
 
 
 def with_results_of(document: SimulationJobDocument, job: Resource) -> SimulationJobDocument:
-    """Returns a job's document with the results of an earlier job."""
+    """Returns a copy of a job's document that has the results of an earlier job, and names the job that made them."""
     earlier = SimulationJobDocument.of(job)
     return document.model_copy(
         update={
@@ -87,7 +87,7 @@ def with_results_of(document: SimulationJobDocument, job: Resource) -> Simulatio
 
 
 def _why_not(job: Resource, key: str, service: Service) -> str | None:
-    """Returns the reason why a job's results cannot be reused for a key; `None` if they can."""
+    """Returns the reason why an earlier job's results cannot be reused for a key of inputs; `None` if they can."""
     document = SimulationJobDocument.of(job)
     if document.made_of is None or ReuseInputs.of(document, document.made_of).key != key:
         return "was run with other inputs"
@@ -99,7 +99,7 @@ def _why_not(job: Resource, key: str, service: Service) -> str | None:
 
 
 def _why_not_outputs(document: SimulationJobDocument, service: Service) -> str | None:
-    """Returns the reason why stored outputs cannot be reused; `None` if they can."""
+    """Returns the reason why a job's stored outputs cannot be reused, such as missing files; `None` if they can."""
     if (place := document.outputs) is None:
         return "has no outputs"
     try:
@@ -134,7 +134,7 @@ def store_job(
     token: ClientToken | None,
     batch: tuple[str, int] | None = None,
 ) -> Resource:
-    """Stores a simulation job with status Pending.
+    """Stores a simulation job with status Pending, and returns it, or the one that the client token has stored before.
 
     Args:
         request: Request of a single job, or of one in a batch.
@@ -203,7 +203,7 @@ def job_document(
     batch: tuple[str, int] | None = None,
     applications: CurrentApplications | None = None,
 ) -> SimulationJobDocument:
-    """Makes the catalog document of a new simulation job.
+    """Returns the document of a new simulation job, as the catalog stores it.
 
     Args:
         request: Request of a single job, or of one in a batch.
@@ -293,7 +293,11 @@ def _store(
 
 
 def _applications(request: Mapping[str, Any], role: ApplicationRole, current: CurrentApplications) -> list[Resource]:
-    """Returns the applications of a role in a request, after checking that all can be started."""
+    """Returns the applications of a role that a request names, after checking that all can be started.
+
+    Raises `ResourceNotFoundException` if one does not exist, and `InvalidParameterException` if its launch
+    configuration does not fit, or a policy is to be read from a container image.
+    """
     found: list[Resource] = []
     follows_policy = role == "robot" and policy_in(request) is not None  # which says what of the archive is used
     for index, config in enumerate(request.get(f"{role}Applications") or []):
@@ -315,7 +319,10 @@ def bare_name(role: str, name: str) -> str:
 
 
 def _check_launch(launch: Mapping[str, Any], application: Resource, place: str) -> None:
-    """Raises an error for a launch configuration that names nothing to start; the job worker tests the rest."""
+    """Raises `InvalidParameterException` for a launch configuration of an archive that names nothing to start.
+
+    The job worker tests the rest.
+    """
     has_archives = bool(ApplicationDocument.of(application).sources)
     if has_archives and not launch.get("command") and not (launch.get("packageName") and launch.get("launchFile")):
         raise InvalidParameterException(

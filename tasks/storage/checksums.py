@@ -155,7 +155,7 @@ def crc32_text(crc: int) -> str:
 
 
 def crc32_of_parts(parts: Iterable[tuple[int, int]]) -> str:
-    """Combines the CRC32 values of parts to that of the whole, in base64.
+    """Returns the CRC32 of a whole in base64, combined from the CRC32 values of its parts.
 
     Each part adds its own CRC32; the CRC32 of the parts before it is shifted by the part's size, which in the
     arithmetic of CRCs is a product with a power of x (as in zlib's `crc32_combine`, which Python does not offer).
@@ -189,7 +189,7 @@ def _product(a: int, b: int) -> int:
 
 
 def measure(file: BinaryIO) -> tuple[int, str]:
-    """Returns size and CRC32 of the rest of a file."""
+    """Returns the size in bytes and the CRC32 (in base64) of a file from its present position to its end."""
     size = crc = 0
     while chunk := file.read(_CHUNK_BYTES):
         size += len(chunk)

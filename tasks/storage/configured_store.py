@@ -45,7 +45,11 @@ def s3_endpoint(settings: Settings) -> str | None:
 
 
 def _endpoint(url: str) -> str:
-    """Checks the URL of an S3 server; error messages do not repeat it if it contains a password."""
+    """Returns the URL of an S3 server without a slash at its end, after checking it.
+
+    Raises `ConfigurationError` if it holds a user name or password, which the message does not repeat, or is no HTTP
+    address without path and query.
+    """
     parts = urlsplit(url)
     if parts.username or parts.password:
         raise ConfigurationError(

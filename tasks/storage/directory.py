@@ -57,7 +57,7 @@ class DirectoryStore:
         self._incoming = self._root / ".incoming"  # no bucket's name starts with a dot
 
     def ensure_bucket(self, bucket: str) -> None:
-        """Creates a bucket (a folder) unless it exists."""
+        """Creates a bucket (a folder) unless it exists, and deletes old temporary files that crashed writers left."""
         check_bucket(bucket)
         with os_failures(f"create the bucket {bucket} in {self._root}"):
             for folder in (self._incoming, self._root / bucket):
@@ -83,7 +83,7 @@ class DirectoryStore:
             raise StorageAccessDeniedError(f"cannot write {bucket}/{key}: this user may not write to its folder")
 
     def put_file(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo:
-        """Copies a file into the store.
+        """Copies a file into the store as an object, and returns the object's metadata.
 
         Raises:
             TransferStoppedError: `stopped` said so, and the object is as it was before.
@@ -99,13 +99,20 @@ class DirectoryStore:
             return info
 
     def probe(self, bucket: str) -> None:
-        """Checks whether the bucket's folder answers, as a network file system may not."""
+        """Checks whether the bucket's folder answers, as a network file system may not; a missing folder is no error.
+
+        Raises `StorageUnavailableError` if it does not answer.
+        """
         check_bucket(bucket)
         with os_failures(f"look into {self._root}"), suppress(FileNotFoundError, PermissionError, NotADirectoryError):
             (self._root / bucket).stat()
 
     def find_same(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo | None:
-        """Returns the stored object if it has the same size and MD5 as a file, else `None`."""
+        """Returns the stored object if it has the same size and MD5 as a local file.
+
+        Returns `None` if the object differs or does not exist. Raises `StorageError` if the file cannot be read, and
+        `TransferStoppedError` if `stopped` says so.
+        """
         refuse_stopped(stopped, bucket, key)
         with suppress(ObjectNotFoundError, BucketNotFoundError):
             found = self.head(bucket, key)
@@ -118,11 +125,14 @@ class DirectoryStore:
     def put_files(
         self, bucket: str, files: dict[str, Path], *, stopped: Stopped = never, tell: Tell = tell_none
     ) -> list[ObjectInfo]:
-        """Copies many files concurrently; raises the first error after all have ended."""
+        """Copies many files into the store concurrently, and returns the stored objects in the order of the files.
+
+        Raises the first error once running copies have ended; further ones are not begun.
+        """
         return put_each(self, bucket, files, stopped, tell)
 
     def put_bytes(self, bucket: str, key: str, data: bytes, *, create_only: bool = False) -> ObjectInfo:
-        """Writes bytes as an object.
+        """Writes bytes as an object, and returns its metadata; an existing one is replaced unless `create_only` is set.
 
         Raises:
             ObjectExistsError: `create_only` and something is there.
@@ -135,7 +145,11 @@ class DirectoryStore:
             return info
 
     def get_file(self, bucket: str, key: str, path: Path) -> ObjectInfo:
-        """Copies an object to a file, which appears only when complete."""
+        """Copies an object to a file, which appears only when complete, and returns what is known of the object.
+
+        Raises `ObjectNotFoundError` if there is no such object, and `StorageError` if the file cannot be written. An
+        earlier file is replaced; no part of a new one remains after an error.
+        """
         temporary = path.with_name(f".{uuid4().hex}.part")
         with self._opened(bucket, key) as (source, info), os_failures(f"fetch {bucket}/{key} into {path}"):
             try:
@@ -147,17 +161,20 @@ class DirectoryStore:
             return info
 
     def get_bytes(self, bucket: str, key: str) -> bytes:
-        """Returns the content of an object, which is a local file."""
+        """Returns the content of an object, which is a local file; raises `ObjectNotFoundError` if there is none."""
         with self._opened(bucket, key) as (source, _), os_failures(f"read {bucket}/{key}"):
             return source.read()
 
     def head(self, bucket: str, key: str) -> ObjectInfo:
-        """Returns the metadata of an object, which is a local file."""
+        """Returns the metadata of an object, which is a local file; raises `ObjectNotFoundError` if there is none."""
         with self._opened(bucket, key) as (_, info):
             return info
 
     def list(self, bucket: str, prefix: str = "") -> Iterator[ObjectInfo]:
-        """Lists objects whose keys start with `prefix`, in key order."""
+        """Lists objects whose keys start with `prefix`, in key order; objects that disappear meanwhile are left out.
+
+        Nothing is listed behind symbolic links. Raises `BucketNotFoundError` if there is no such bucket.
+        """
         check_prefix(prefix)
         folder = self._bucket_path(bucket)
         if _link_above(folder, folder / f"{prefix}_"):
@@ -191,7 +208,10 @@ class DirectoryStore:
         return self._path(bucket, key).as_uri()
 
     def local_path(self, bucket: str, key: str) -> Path | None:
-        """Returns the object's local file, which must not be written to."""
+        """Returns the object's local file, which must not be written to; it need not exist.
+
+        Returns `None` if a symbolic link leads to it.
+        """
         path = self._path(bucket, key)
         return None if _link_above(self._root / bucket, path) else path
 
@@ -213,7 +233,11 @@ class DirectoryStore:
 
     @contextmanager
     def _opened(self, bucket: str, key: str) -> Generator[tuple[BinaryIO, ObjectInfo]]:
-        """Opens an object; reads give one version of it, also when another one takes its name meanwhile."""
+        """Opens an object for reading inside the `with` block, and yields its content and what is known of it.
+
+        Reads give one version of it, also when another one takes its name meanwhile. Raises `ObjectNotFoundError` if
+        there is none, or if a symbolic link leads to it.
+        """
         path = self._path(bucket, key)
         with os_failures(f"read {bucket}/{key}"):
             try:
@@ -232,7 +256,7 @@ class DirectoryStore:
     def _written(
         self, bucket: str, key: str, source: int | bytes, stopped: Stopped = never
     ) -> Generator[tuple[Path, ObjectInfo]]:
-        """Writes a source to a temporary file, which is complete inside the `with` block and deleted at its end.
+        """Yields a temporary file with a source's content, complete inside the `with` block and deleted at its end.
 
         The source is the descriptor of a file, whose holes stay holes, or the content itself.
         """
@@ -256,7 +280,11 @@ class DirectoryStore:
             temporary.unlink(missing_ok=True)
 
     def _name(self, temporary: Path, info: ObjectInfo, *, create_only: bool) -> None:
-        """Renames a written temporary file to the object's name atomically."""
+        """Gives a written temporary file the object's name atomically, so that readers never see half of it.
+
+        Raises `ObjectExistsError` if `create_only` is set and the object exists, and `StorageError` if the key is the
+        folder of other objects, or their object.
+        """
         bucket, key = info.bucket, info.key
         path = self._root / bucket / key
         for _ in range(_RACES):
@@ -292,7 +320,10 @@ class DirectoryStore:
 
 
 def _keys(folder: Path, prefix: str) -> Iterator[str]:
-    """Yields the keys of all regular files below a folder that start with the prefix, in UTF-8 byte order."""
+    """Yields the keys of all regular files below a folder that start with the prefix, in UTF-8 byte order.
+
+    Symbolic links are left out, and a folder that does not exist yields nothing.
+    """
     start, _, beginning = prefix.rpartition("/")
     start = f"{start}/" if start else ""
     try:

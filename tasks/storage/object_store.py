@@ -84,7 +84,7 @@ class ObjectInfo:
     etag: str
     """ETag of an object, without quotes; it changes whenever the content changes."""
     modified_at: datetime | None = field(default=None, compare=False)
-    """Time at which it was stored; `None`: not known, as of a new object. It is ignored when objects are compared."""
+    """Time at which the object was stored; `None`: not known, as of a new object. Comparisons of objects ignore it."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class ObjectStore(Protocol):
         ...
 
     def put_file(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo:
-        """Uploads a file; checksums are verified.
+        """Uploads a file as an object, and returns the object's metadata; checksums are verified.
 
         Raises:
             TransferStoppedError: `stopped` said so, and the object is as it was before.
@@ -147,7 +147,9 @@ class ObjectStore(Protocol):
     def put_files(
         self, bucket: str, files: dict[str, Path], *, stopped: Stopped = never, tell: Tell = tell_none
     ) -> list[ObjectInfo]:
-        """Uploads many files concurrently; raises the first error after all have ended.
+        """Uploads many files concurrently, and returns the stored objects in the order of the files.
+
+        Raises the first error once running uploads have ended; further ones are not begun.
 
         Args:
             bucket: Name of the bucket.
@@ -158,7 +160,7 @@ class ObjectStore(Protocol):
         ...
 
     def put_bytes(self, bucket: str, key: str, data: bytes, *, create_only: bool = False) -> ObjectInfo:
-        """Writes bytes as an object.
+        """Writes bytes as an object, and returns its metadata; an existing one is replaced unless `create_only` is set.
 
         Raises:
             ObjectExistsError: `create_only` and something is there.
@@ -166,23 +168,26 @@ class ObjectStore(Protocol):
         ...
 
     def get_file(self, bucket: str, key: str, path: Path) -> ObjectInfo:
-        """Downloads an object to a file, which appears only when complete."""
+        """Downloads an object to a file, which appears only when complete, and returns the object's metadata.
+
+        Raises `ObjectNotFoundError` if there is no such object.
+        """
         ...
 
     def get_bytes(self, bucket: str, key: str) -> bytes:
-        """Returns the content of an object in the object store."""
+        """Returns the content of an object in the object store; raises `ObjectNotFoundError` if there is none."""
         ...
 
     def head(self, bucket: str, key: str) -> ObjectInfo:
-        """Returns the metadata of an object in the object store."""
+        """Returns the metadata of an object in the object store; raises `ObjectNotFoundError` if there is none."""
         ...
 
     def list(self, bucket: str, prefix: str = "") -> Iterator[ObjectInfo]:
-        """Lists objects whose keys start with `prefix`, in key order."""
+        """Lists objects of a bucket whose keys start with `prefix`, in key order."""
         ...
 
     def delete(self, bucket: str, key: str) -> None:
-        """Deletes an object; succeeds if there is none."""
+        """Deletes an object from the object store; succeeds if there is none."""
         ...
 
     def unfinished_uploads(self, bucket: str, before: datetime) -> Sequence[UnfinishedUpload]:
@@ -198,14 +203,26 @@ class ObjectStore(Protocol):
         ...
 
     def local_path(self, bucket: str, key: str) -> Path | None:
-        """Returns the local file of an object, if the store keeps objects as files on this machine."""
+        """Returns the local file of an object, if the store keeps objects as files on this machine; else `None`."""
         ...
 
 
 def put_each(
     store: ObjectStore, bucket: str, files: dict[str, Path], stopped: Stopped, tell: Tell, workers: int = WORKERS
 ) -> list[ObjectInfo]:
-    """Uploads many files one by one, several concurrently; see `ObjectStore.put_files`."""
+    """Uploads many files one by one, several concurrently, and returns the stored objects in the order of the files.
+
+    Args:
+        store: The object store.
+        bucket: The bucket.
+        files: The files, by the key that each gets.
+        stopped: Returns whether to stop; an upload that is stopped raises an error.
+        tell: Called with the key of each stored file, from several threads.
+        workers: Number of files that are uploaded at once.
+
+    Raises:
+        StorageError: A file could not be stored; others may be.
+    """
 
     def put(item: tuple[str, Path]) -> ObjectInfo:
         info = store.put_file(bucket, *item, stopped=stopped)
@@ -228,7 +245,7 @@ class StoreOver:
     def do(
         self, access: Literal["read", "write"], bucket: str, keys: Iterable[str], call: Callable[[], Result]
     ) -> Result:
-        """Calls the wrapped store, possibly changed or refused.
+        """Calls the wrapped store and returns the result; subclasses change, repeat or refuse the call here.
 
         Args:
             access: `read` or `write`.
@@ -239,71 +256,74 @@ class StoreOver:
         raise NotImplementedError
 
     def ensure_bucket(self, bucket: str) -> None:
-        """See `ObjectStore`."""
+        """Creates a bucket of the wrapped store unless it exists, as `ObjectStore` says, by a call through `do`."""
         self.do("write", bucket, [""], lambda: self.behind.ensure_bucket(bucket))
 
     def check_writable(self, bucket: str, key: str) -> None:
-        """See `ObjectStore`."""
+        """Checks that an object of the wrapped store could be written, as `ObjectStore` says, by a call of `do`."""
         self.do("write", bucket, [key], lambda: self.behind.check_writable(bucket, key))
 
     def put_file(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo:
-        """See `ObjectStore`."""
+        """Uploads a file to the wrapped store, as `ObjectStore` says, by a call through `do`."""
         return self.do("write", bucket, [key], lambda: self.behind.put_file(bucket, key, path, stopped=stopped))
 
     def probe(self, bucket: str) -> None:
-        """See `ObjectStore`; every role may do this."""
+        """Checks whether the wrapped store answers at all, as `ObjectStore` says; every role may do this."""
         self.behind.probe(bucket)
 
     def find_same(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo | None:
-        """See `ObjectStore`."""
+        """Returns the wrapped store's object if it has the content of a file, as `ObjectStore` says, else `None`."""
         return self.do("read", bucket, [key], lambda: self.behind.find_same(bucket, key, path, stopped=stopped))
 
     def put_files(
         self, bucket: str, files: dict[str, Path], *, stopped: Stopped = never, tell: Tell = tell_none
     ) -> list[ObjectInfo]:
-        """See `ObjectStore`."""
+        """Uploads many files to the wrapped store, as `ObjectStore` says, by one call through `do`."""
         return self.do("write", bucket, files, lambda: self.behind.put_files(bucket, files, stopped=stopped, tell=tell))
 
     def put_bytes(self, bucket: str, key: str, data: bytes, *, create_only: bool = False) -> ObjectInfo:
-        """See `ObjectStore`; with `create_only`, an object that an earlier attempt wrote is an error, too."""
+        """Writes bytes as an object of the wrapped store, as `ObjectStore` says, by a call through `do`.
+
+        With `create_only`, an object that an earlier attempt wrote is an error, too.
+        """
         return self.do(
             "write", bucket, [key], lambda: self.behind.put_bytes(bucket, key, data, create_only=create_only)
         )
 
     def get_file(self, bucket: str, key: str, path: Path) -> ObjectInfo:
-        """See `ObjectStore`."""
+        """Downloads an object of the wrapped store to a file, as `ObjectStore` says, by a call through `do`."""
         return self.do("read", bucket, [key], lambda: self.behind.get_file(bucket, key, path))
 
     def get_bytes(self, bucket: str, key: str) -> bytes:
-        """See `ObjectStore`."""
+        """Returns the content of an object of the wrapped store, as `ObjectStore` says, by a call through `do`."""
         return self.do("read", bucket, [key], lambda: self.behind.get_bytes(bucket, key))
 
     def head(self, bucket: str, key: str) -> ObjectInfo:
-        """See `ObjectStore`."""
+        """Returns the metadata of an object of the wrapped store, as `ObjectStore` says, by a call through `do`."""
         return self.do("read", bucket, [key], lambda: self.behind.head(bucket, key))
 
     def list(self, bucket: str, prefix: str = "") -> Iterator[ObjectInfo]:
-        """See `ObjectStore`."""
+        """Lists the wrapped store's objects with a prefix, as `ObjectStore` says; reads all at once, through `do`."""
         return iter(self.do("read", bucket, [prefix], lambda: [*self.behind.list(bucket, prefix)]))
 
     def delete(self, bucket: str, key: str) -> None:
-        """See `ObjectStore`."""
+        """Deletes an object of the wrapped store, as `ObjectStore` says, by a call through `do`."""
         self.do("write", bucket, [key], lambda: self.behind.delete(bucket, key))
 
     def unfinished_uploads(self, bucket: str, before: datetime) -> Sequence[UnfinishedUpload]:
-        """See `ObjectStore`; it is about the whole bucket."""
+        """Lists the wrapped store's old unfinished multipart uploads to a whole bucket, as `ObjectStore` says."""
         return self.do("write", bucket, [""], lambda: self.behind.unfinished_uploads(bucket, before))
 
     def abort_upload(self, upload: UnfinishedUpload) -> None:
-        """See `ObjectStore`."""
+        """Deletes the parts of an unfinished upload to the wrapped store, as `ObjectStore` says."""
         self.do("write", upload.bucket, [upload.key], lambda: self.behind.abort_upload(upload))
 
     def uri(self, bucket: str, key: str) -> str:
-        """See `ObjectStore`."""
+        """Returns an object's address in the wrapped store for people, as `ObjectStore` says."""
         return self.behind.uri(bucket, key)
 
     def local_path(self, bucket: str, key: str) -> Path | None:
-        """See `ObjectStore`."""
+        """Returns the local file of the wrapped store's object, as `ObjectStore` says; `None` if it has none."""
         return self.behind.local_path(bucket, key)
 
 
@@ -355,7 +375,7 @@ def check_prefix(prefix: str) -> None:
 
 
 def join_key(prefix: str, *parts: str) -> str:
-    """Joins parts to an object key with single slashes; empty parts are left out."""
+    """Returns an object key of parts joined with single slashes; empty parts are left out."""
     return "/".join([stripped, *parts]) if (stripped := prefix.strip("/")) else "/".join(parts)
 
 

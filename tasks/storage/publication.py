@@ -131,13 +131,13 @@ def _put(store: ObjectStore, bucket: str, files: dict[str, Path], ended: Stopped
 def split_stored(
     store: ObjectStore, bucket: str, files: Mapping[str, Path], stopped: Stopped = never
 ) -> tuple[dict[str, ObjectInfo], dict[str, Path]]:
-    """Splits files into those already stored with the same content, and those still to upload.
+    """Returns which of some files are stored already with the same content, and which are still to upload.
 
     Args:
         store: The object store.
         bucket: Name of the bucket.
         files: Files by their keys.
-        stopped: See `ObjectStore.find_same`.
+        stopped: Function that returns whether to stop; it is called while files are compared.
 
     Raises:
         StorageError: The stored objects cannot be compared.
@@ -167,7 +167,7 @@ def unpublish(store: ObjectStore, bucket: str, prefix: str) -> None:
 
 
 def read_manifest(store: ObjectStore, bucket: str, prefix: str) -> Manifest:
-    """Reads the manifest of the files published under a prefix.
+    """Reads and returns the manifest of the files published under a prefix.
 
     Raises:
         ObjectNotFoundError: No files are published under this prefix.
@@ -181,7 +181,7 @@ def read_manifest(store: ObjectStore, bucket: str, prefix: str) -> Manifest:
 
 
 def fetch(store: ObjectStore, bucket: str, prefix: str, folder: Path) -> Manifest:
-    """Downloads the files in a manifest to a folder.
+    """Downloads the files in a manifest to a folder, and returns the manifest.
 
     Args:
         store: The object store.
@@ -229,7 +229,10 @@ def _published(store: ObjectStore, bucket: str, prefix: str) -> Manifest | None:
 
 
 def _same(there: Manifest, ours: Manifest, bucket: str, prefix: str) -> Manifest:
-    """Returns the stored manifest after checking that it equals the new one; only the times may differ."""
+    """Returns the stored manifest after checking that it equals the new one; only the times may differ.
+
+    Raises `ObjectExistsError` if something else is published there.
+    """
     if (there.files, there.about) != (ours.files, ours.about):
         raise ObjectExistsError(f"something else is already published under {bucket}/{prefix}")
     return there
@@ -284,7 +287,7 @@ def thin(store: ObjectStore, bucket: str, prefix: str, keep: Callable[[str], boo
 
 
 def finish_thinning(store: ObjectStore, bucket: str, prefix: str) -> None:
-    """Completes an interrupted call of `thin`.
+    """Completes an interrupted deletion of some published files (`thin`), if there is one.
 
     Args:
         store: The object store.
@@ -299,7 +302,10 @@ def finish_thinning(store: ObjectStore, bucket: str, prefix: str) -> None:
 
 
 def _remove_rest(store: ObjectStore, bucket: str, prefix: str, after: Manifest) -> None:
-    """Deletes the objects that the new manifest does not list, and replaces the old manifest by it."""
+    """Deletes the objects of a folder that the new manifest does not list, and replaces the old manifest by it.
+
+    The old manifest goes first, so that readers never take a thinned folder for whole.
+    """
     store.delete(bucket, join_key(prefix, MANIFEST_NAME))
     stay = {join_key(prefix, name) for name in (NEXT_NAME, *(file.path for file in after.files))}
     gone = [info.key for info in store.list(bucket, join_key(prefix, "")) if info.key not in stay]
@@ -309,7 +315,7 @@ def _remove_rest(store: ObjectStore, bucket: str, prefix: str, after: Manifest) 
 
 
 def thinned(manifest: Manifest, keep: Callable[[str], bool]) -> Manifest:
-    """Returns a manifest without the deleted files, with a count of them."""
+    """Returns a manifest without the files that are not kept, with a count of these; unchanged if all are kept."""
     stay = [file for file in manifest.files if keep(file.path)]
     count, size = removed_before(manifest)
     gone = [file for file in manifest.files if not keep(file.path)]
@@ -320,7 +326,7 @@ def thinned(manifest: Manifest, keep: Callable[[str], bool]) -> Manifest:
 
 
 def removed_before(manifest: Manifest) -> tuple[int, int]:
-    """Returns how many published files were deleted so far, and their bytes."""
+    """Returns how many files of a manifest were deleted so far, and their bytes; zeros if it does not name any."""
     removed = manifest.about.get("removed")
     if not isinstance(removed, dict):
         return 0, 0

@@ -33,7 +33,7 @@ _DENIED = {errno.EACCES, errno.EPERM, errno.EROFS}
 
 @contextmanager
 def os_failures(doing: str) -> Generator[None]:
-    """Converts every `OSError` inside the `with` block to the matching `StorageError`.
+    """Converts every `OSError` inside the `with` block to the matching `StorageError`, which is raised.
 
     Args:
         doing: Description of the action, in words that follow "cannot".
@@ -45,7 +45,12 @@ def os_failures(doing: str) -> Generator[None]:
 
 
 def from_os_error(error: OSError, doing: str) -> StorageError:
-    """Makes the `StorageError` for an `OSError`."""
+    """Returns the `StorageError` for an `OSError`, without raising it: disk full, folder away, access denied, other.
+
+    Args:
+        error: Error of the operating system.
+        doing: Action that failed, such as `read a/b`, for the message.
+    """
     why = error.strerror or str(error)
     where = f" ({error.filename})" if error.filename else ""
     kind = StorageError
@@ -121,7 +126,7 @@ def _walk(folder: Path, prefix: str, depth: int, tell: Callable[[Path, str], Non
 
 
 def open_regular(path: Path) -> BufferedReader:
-    """Opens a regular file for reading; refuses links and devices.
+    """Opens and returns a regular file for reading; links and devices are refused.
 
     Raises:
         FileNotFoundError: Nothing is there, or no regular file: folders, symbolic links and devices
@@ -142,7 +147,10 @@ def open_regular(path: Path) -> BufferedReader:
 
 
 def version_of(path: Path) -> tuple[int, int, int]:
-    """Returns a file's inode, size and modification time (ns), which change when it is written or replaced."""
+    """Returns a file's inode, size in bytes and modification time in ns, which change when it is written or replaced.
+
+    Raises `StorageError` if the file cannot be looked at.
+    """
     with os_failures(f"read {path}"):
         now = path.lstat()
     return now.st_ino, now.st_size, now.st_mtime_ns

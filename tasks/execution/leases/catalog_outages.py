@@ -13,7 +13,7 @@ Result = TypeVar("Result")
 _logger = logging.getLogger(__name__)
 
 _MOST_REFUSALS = 3
-"""After so many failures in a row, each of which was none of being away, waiting would be of no use."""
+"""Number of calls in a row that a catalog which answers may refuse, before waiting is given up."""
 
 
 class CatalogWait:
@@ -38,7 +38,7 @@ class CatalogWait:
         return cls(lease.job.arn, lease.refreshed, lambda: lease.lost, service.timing.after_outage_s)
 
     def outlasting(self, call: Callable[[], Result]) -> Result:
-        """Calls a function, and calls it again after an outage of the catalog's database.
+        """Calls a function, again after each outage of the catalog's database, and returns its result.
 
         Args:
             call: Does the same when it is called again, whether or not the catalog had done it.

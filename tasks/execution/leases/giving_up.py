@@ -13,7 +13,7 @@ from .job_leases import Lease
 
 MAX_LOST_WORKERS = 3
 _MOST_OF_BATCHES = 10
-"""The limit for a batch is higher: the job at fault in it reaches its own limit first."""
+"""Number of job workers that may die while they run a batch: more than for a job, as the job at fault ends first."""
 
 _CODE = "InternalServiceError"
 _EVENTS = ("terminate", "fail", "canceled")
@@ -21,7 +21,7 @@ _EVENTS = ("terminate", "fail", "canceled")
 
 @dataclass(frozen=True)
 class GivenUp:
-    """Defines how a kind of job is marked as failed from outside, when it cannot be run any more."""
+    """Failure code, and function that tells others, by which a kind of job is failed when it cannot be run any more."""
 
     failure_code: str
     """Failure code that jobs of a kind get when they are given up."""
@@ -35,7 +35,7 @@ def _given_up(kind: str) -> GivenUp | None:
 
 
 def why_not_retried(lease: Lease, service: Service) -> str | None:
-    """Returns the reason why a job has reached its retry limit; `None` if it may run."""
+    """Returns the reason why a job is not begun again, as too many job workers died while they ran it; else `None`."""
     most = _MOST_OF_BATCHES if lease.job.kind == "simulation-job-batch" else MAX_LOST_WORKERS
     lost = service.catalog.lost_workers(lease.job.arn)
     if lost < most:
@@ -44,7 +44,13 @@ def why_not_retried(lease: Lease, service: Service) -> str | None:
 
 
 def fail_job(lease: Lease, reason: str, service: Service) -> None:
-    """Ends a job as failed (or canceled, if that was requested), and cancels a batch's jobs."""
+    """Sets a job's status to failed, or canceled if that was requested, and requests that a batch's jobs are cancelled.
+
+    Args:
+        lease: The right to change the job.
+        reason: Failure reason for the user.
+        service: The service, with its catalog and object store.
+    """
     transitions = LIFECYCLES[lease.job.kind].transitions
     own = _given_up(lease.job.kind)
     changes = FailureChanges(failure_code=_CODE if own is None else own.failure_code, failure_reason=reason)

@@ -37,7 +37,7 @@ def new_owner() -> str:
 
 @cache
 def _role() -> str:
-    """Returns the program's name for people, as part of lease owner names."""
+    """Returns the name of this program for people, which is the last part of lease owner names."""
     return role_of(getattr(getattr(sys.modules["__main__"], "__spec__", None), "name", ""), sys.argv)
 
 
@@ -61,7 +61,10 @@ def role_of(main: str, words: Sequence[str]) -> str:
 
 
 def died_here(owner: str) -> bool:
-    """Whether the owner of a job's lease (lock) was a process of this machine that has died."""
+    """Whether the owner of a job's lease (lock) was a process of this machine that has died.
+
+    False if the owner is of another machine, is alive, or cannot be read.
+    """
     host, _, rest = owner.partition(":")
     pid = rest.partition(":")[0]
     if host != socket.gethostname() or not pid.isdecimal():

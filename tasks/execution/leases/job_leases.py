@@ -38,7 +38,10 @@ class Lease:
 
     @contextmanager
     def renewed(self) -> Generator[None]:
-        """Renews the lease (lock of the job) in a thread inside the `with` block, and releases it at the end."""
+        """Renews the lease (lock of the job) in a thread inside the `with` block, and releases it at the end.
+
+        If the catalog is away at the end, that is logged, and the lease runs out by itself.
+        """
         renewer = threading.Thread(target=self._renew, name=f"lease of {self.job.arn}", daemon=True)
         renewer.start()
         try:
@@ -54,14 +57,27 @@ class Lease:
     def transition(
         self, event: str, changes: Changes | None = None, labels: Mapping[str, Sequence[str]] | None = None
     ) -> Resource:
-        """Applies an event to the job's status and updates its document and labels; returns the updated job."""
+        """Applies an event to the job's status, updates its document and labels, and returns the updated job.
+
+        Args:
+            event: Event of the kind's lifecycle, such as `start`.
+            changes: Members of the document to set.
+            labels: Labels that replace the job's.
+
+        Raises:
+            LeaseLostError: Another job worker has taken the job over.
+            StateConflictError: The event is not possible in the job's status.
+        """
         with self._noticing_loss():
             catalog, arn = self._service.catalog, self.job.arn
             self.job = catalog.transition(arn, event, document_changes=changes, owner=self._owner, labels=labels)
         return self.job
 
     def update(self, changes: Changes | Callable[[Stored], Changes]) -> Resource:
-        """Sets members of the job's document, see `Catalog.update`; safe to call from several threads."""
+        """Sets members of the job's document in the catalog, and returns the updated job; several threads may call it.
+
+        Raises `LeaseLostError` if another job worker has taken the job over. See `Catalog.update`.
+        """
         with self._noticing_loss():
             self.job = self._service.catalog.update(self.job.arn, changes, owner=self._owner)
         return self.job
@@ -77,7 +93,10 @@ class Lease:
 
     @contextmanager
     def _noticing_loss(self) -> Generator[None]:
-        """Checks after a refused change whether the lease was lost, before any cleanup."""
+        """Checks after a refused change inside the `with` block whether the lease was lost, and marks it as lost then.
+
+        Raises `LeaseLostError` if it was, else the `StateConflictError` of the change.
+        """
         try:
             yield
         except StateConflictError as error:

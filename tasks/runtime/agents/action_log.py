@@ -40,7 +40,7 @@ _MOST_OVERHEAD_BYTES = 1024
 
 
 class ActionLogError(ValueError):
-    """Raised when a log of robot actions cannot be read."""
+    """Raised when a file is no log of robot actions, or its header cannot be read; a damaged end is no error."""
 
 
 _Bound = bool | int | float | None
@@ -76,7 +76,7 @@ class ActionLogHeader(Model):
 
 
 def header_of(mode: Literal["lockstep", "free"], layout: Layout) -> ActionLogHeader:
-    """Makes the header of an action log for actions of a given message layout."""
+    """Returns the header of an action log for actions of a given message layout."""
     arrays = layout.describe()["arrays"]
     return ActionLogHeader(
         mode=mode,
@@ -86,12 +86,19 @@ def header_of(mode: Literal["lockstep", "free"], layout: Layout) -> ActionLogHea
 
 
 def chunk_of(kind: bytes, count: int, first: int, content: bytes) -> bytes:
-    """Makes a chunk (header and content) of an action log."""
+    """Returns a chunk (header and content) of an action log as bytes.
+
+    Args:
+        kind: Form of the content, plain or packed.
+        count: Number of its actions.
+        first: Number of its first action.
+        content: The actions.
+    """
     return _CHUNK.pack(kind, count, len(content), first, _checksum(count, first, content)) + content
 
 
 class ActionLog:
-    """Reader of the actions that a robot program sent during a run, one chunk at a time."""
+    """Reader of the actions that a robot program sent during a run, one chunk at a time; a damaged end is left out."""
 
     def __init__(self, path: Path) -> None:
         """Opens an action log for reading; the log of a process that was killed can be read, too.
@@ -117,7 +124,7 @@ class ActionLog:
             raise ActionLogError(f"{path} is no log of actions: {where}: {problem['msg']}") from error
 
     def __iter__(self) -> Iterator[bytes]:
-        """Yields the actions in order, up to the last whole chunk."""
+        """Yields the actions in order, each as bytes, up to the last whole chunk; a damaged end is left out."""
         with open_left(self._path) as file:
             file.seek(self._begin)
             number = 0
@@ -150,7 +157,15 @@ def _checksum(count: int, first: int, content: bytes) -> int:
 
 
 def _read_chunk(file: BinaryIO, size: int, number: int) -> list[bytes] | None:
-    """Reads the actions of the chunk that begins with action `number`; None if no such complete chunk follows."""
+    """Reads the actions of the next chunk of an action log, which has to begin with action `number`.
+
+    Returns `None` if no complete, undamaged chunk with that number follows.
+
+    Args:
+        file: The log, open at the beginning of a chunk.
+        size: Length of an action in bytes.
+        number: Number of the first action of the chunk.
+    """
     packed = file.read(_CHUNK.size)
     if len(packed) < _CHUNK.size:
         return None
@@ -172,7 +187,13 @@ def _is_plausible(head: _Head, size: int) -> bool:
 
 
 def _restored(content: bytes, count: int, size: int) -> list[bytes] | None:
-    """Decompresses the actions of a chunk; None if the chunk is damaged."""
+    """Decompresses the actions of a chunk of an action log; returns `None` if the chunk is damaged.
+
+    Args:
+        content: The compressed chunk.
+        count: Number of its actions.
+        size: Length of an action in bytes.
+    """
     try:
         if zstandard.frame_content_size(content) != count * size:
             return None
@@ -187,10 +208,13 @@ _COMPRESSION_LEVEL = 3
 
 
 class ActionLogWriter:
-    """Writer of the actions that a robot program sends during a run; for one thread."""
+    """Writer of the actions that a robot program sends during a run, to be used by one thread.
+
+    Actions survive a killed process, up to the last one that was added.
+    """
 
     def __init__(self, path: Path, header: ActionLogHeader) -> None:
-        """Creates an action log.
+        """Creates the file of an action log, and writes its header.
 
         Args:
             path: Path of the log; an existing file is replaced.
@@ -246,7 +270,7 @@ class ActionLogWriter:
         self._file.close()
 
     def _pack(self) -> None:
-        """Replaces the uncompressed actions at the end of the file by one compressed chunk; a single one stays."""
+        """Replaces the uncompressed actions at the end of the log by one compressed chunk; a single action stays."""
         count = len(self._kept)
         if count == 1:
             self._settled.update(chunk_of(PLAIN, 1, self._first, self._kept[0]))
@@ -277,7 +301,10 @@ class ActionRecorder:
     """
 
     def __init__(self, path: Path, header: ActionLogHeader) -> None:
-        """Creates the action log of a run; see `ActionLogWriter`."""
+        """Creates the action log file of a run; see `ActionLogWriter`.
+
+        If the file cannot be created, the run goes on without an action log, and `error` says why.
+        """
         self._path = path
         self._writer: ActionLogWriter | None = None
         self.error: str | None = None
@@ -290,7 +317,7 @@ class ActionRecorder:
             self._give_up(error)
 
     def keep(self, action: bytes) -> None:
-        """Records one robot action, that of the next simulation step."""
+        """Records the robot's action in the next simulation step; after a failed write the run has no action log."""
         if self._writer is not None:
             try:
                 self._writer.add(action)
@@ -299,7 +326,7 @@ class ActionRecorder:
                 self._give_up(error)
 
     def close(self) -> None:
-        """Completes the action log; it can then be replayed."""
+        """Completes the action log and sets its summary; it can then be replayed."""
         if self._writer is not None:
             try:
                 self.summary = self._writer.close()
@@ -316,7 +343,7 @@ class ActionRecorder:
 
 
 def _differences(actions: list[bytes], size: int) -> bytes:
-    """Transposes actions (rows of bytes) to columns and takes differences between actions, which compress better."""
+    """Returns the bytes of actions by columns, as differences between successive actions, which compress better."""
     columns = np.frombuffer(b"".join(actions), np.uint8).reshape(len(actions), size).T.copy()
     columns[:, 1:] ^= columns[:, :-1].copy()
     return columns.tobytes()

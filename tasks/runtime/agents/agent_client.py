@@ -86,7 +86,10 @@ class FrameBuffer:
         return self._end - self._start
 
     def space(self) -> memoryview:
-        """Returns free buffer space to receive bytes into; the content returned by the last `next` becomes invalid."""
+        """Returns free buffer space to receive bytes into, at least as much as the rest of the next message needs.
+
+        The content that the last `next` returned becomes invalid.
+        """
         pending, needed = self.pending, HEADER.size
         if pending >= HEADER.size:
             needed += self._header()[0]
@@ -101,7 +104,7 @@ class FrameBuffer:
         return memoryview(self._buffer)[self._end :]
 
     def received(self, count: int) -> None:
-        """Tells the buffer how many bytes were received into its free space."""
+        """Counts bytes that were received into the buffer's free space as content of messages."""
         self._end += count
 
     def next(self) -> tuple[int, memoryview] | None:
@@ -132,7 +135,7 @@ class FrameBuffer:
 
 
 def words(kind: int, content: dict[str, Any]) -> bytes:
-    """Encodes a JSON message: ASCII, no blanks, members in their given order."""
+    """Encodes a JSON message of the agent protocol: header, then ASCII without blanks, members in their given order."""
     payload = json.dumps(content, separators=(",", ":"), allow_nan=False).encode("ascii")
     return HEADER.pack(len(payload), kind) + payload
 
@@ -141,7 +144,10 @@ class ArraySpec:
     """Description of one array of an observation or action: path, type, shape and bounds."""
 
     def __init__(self, description: dict[str, Any]) -> None:
-        """Reads the simulation's description of an array."""
+        """Reads the simulation's description of an array: its path, type, shape, place in a message, and bounds.
+
+        Bounds are NumPy arrays if NumPy is installed.
+        """
         self.path: tuple[str | int, ...] = tuple(description["path"])
         """Keys and indices that lead to the array in nested observations; empty when the observation is this array."""
         self.name: str = description.get("description", "")
@@ -166,7 +172,7 @@ class ArraySpec:
             self.maximum = self._numpy_bound(self.maximum, np.inf)
 
     def read(self, data: bytearray) -> Any:
-        """Decodes one array of an observation from a message's content."""
+        """Returns one array of an observation from a message's content: a NumPy array, nested lists without NumPy."""
         if np is not None:
             return np.ndarray(self.shape, self._numpy_dtype, data, self.offset)
         return _shaped(iter(self._items.unpack_from(data, self.offset)), self.shape)
@@ -194,7 +200,7 @@ class ArraySpec:
             raise ValueError(f"{self}: {error}") from error
 
     def _numpy_bound(self, bound: Any, unbounded: float) -> Any:
-        """Returns a bound of an observation's or action's array as dm_env has it: one number, or an array."""
+        """Returns a bound of an array as dm_env has it: one number, or one for each item; None without a bound."""
         if bound is None:
             return None
         if isinstance(bound, list):
@@ -212,7 +218,7 @@ def _shaped(items: Iterator[Any], shape: tuple[int, ...]) -> Any:
 
 
 class _Layout:
-    """All arrays of an observation or of the action."""
+    """Arrays of an observation or of the action, and their place in a message of the agent protocol."""
 
     def __init__(self, description: dict[str, Any]) -> None:
         self.size: int = description["size"]
@@ -236,7 +242,7 @@ class _Layout:
 
 
 def _nested(items: list[tuple[tuple[str | int, ...], Any]]) -> Any:
-    """Builds nested dictionaries and lists from values and their paths (keys and indices)."""
+    """Builds nested dictionaries from values and their paths (keys and indices); an empty path gives the value."""
     root: dict[str | int, Any] = {}
     for path, value in items:
         if not path:
@@ -259,7 +265,7 @@ class TimeStep(NamedTuple):
     step: int
     """Number of the observation, from 0; gaps show how many this program missed."""
     time_s: float
-    """Simulated time; NaN when the environment has no clock."""
+    """Simulated time in seconds; NaN when the environment has no clock."""
 
     def first(self) -> bool:
         """Whether this is the first time step of the run."""
@@ -342,6 +348,8 @@ class Simulation:
     def act(self, action: Any) -> None:
         """Sends an action to the simulation, in lock-step mode one for each observation.
 
+        Does nothing once the run is over.
+
         Args:
             action: In the form of `action_spec`: an array or list, or several by name.
 
@@ -373,13 +381,16 @@ class Simulation:
             self.act(action)
 
     def end(self) -> None:
-        """Tells the simulation that the robot is done, which ends the run normally."""
+        """Tells the simulation that the robot is done, which ends the run normally; does nothing after the end."""
         if self.ended_by is None:
             self.ended_by = "agent"
             self._say(END, {})
 
     def fail(self, error: str) -> None:
-        """Tells the simulation that the robot cannot continue, which fails the job with this reason."""
+        """Tells the simulation that the robot cannot continue, which fails the job with this reason.
+
+        Does nothing after the end.
+        """
         if self.ended_by is None:
             self.ended_by = "failed"
             self._say(ERROR, {"error": error})
@@ -429,7 +440,7 @@ class Simulation:
             self._fill(0)
 
     def _receive_waiting(self) -> tuple[int, memoryview] | None:
-        """Returns the next message if it has already arrived, else `None`."""
+        """Returns the next message from the simulation if it has already arrived, else `None`; never waits."""
         message = self._frames.next()
         while message is None:
             try:
@@ -462,7 +473,9 @@ def connect(
     real_time_factor: float = 1.0,
     connect_timeout_s: float = 30.0,
 ) -> Simulation:
-    """Connects a robot program to its simulation.
+    """Connects a robot program to its simulation, and returns the connection once both have greeted.
+
+    Waits until the simulation listens.
 
     Args:
         path: Path of the simulation's Unix socket; default: the environment variable `ROBOMAKER_AGENT_SOCKET`.

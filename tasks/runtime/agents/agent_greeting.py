@@ -40,7 +40,7 @@ class OtherInterface(Protocol):
         ...
 
     def missing(self) -> str:
-        """Describes the missing robot, to complete the sentence "it has to connect to the socket, ..."."""
+        """Returns text about the missing robot that completes the sentence "it has to connect to the socket, ..."."""
         ...
 
 
@@ -155,7 +155,7 @@ class Greeter:
         return f"the program of robot application {self._robot} {self._did} within {timeout_s:g} s"
 
     def _early_end_error(self) -> LaunchError:
-        """Makes the error for a robot process that exited with code 0 before its greeting; others are crashes."""
+        """Returns, without raising it, the error for a robot program that exited with code 0 before its greeting."""
         return LaunchError(
             f"the program of robot application {self._robot} ended with exit code 0 without {self._lacks} the "
             f"simulation; it has to drive it over the Unix socket that {SOCKET_VARIABLE} names"

@@ -39,15 +39,15 @@ class ArrayField:
 
     @property
     def where(self) -> str:
-        """Path of the array as text, for error messages."""
+        """Path of the array in the observation or action as text, for error messages; empty if it is the whole."""
         return "/".join(map(str, self.path))
 
     def view(self, content: bytearray | memoryview) -> NDArray[Any]:
-        """Returns the array in a message's content as a NumPy view."""
+        """Returns the array in a message's content as a NumPy view, which shares the content's memory."""
         return np.ndarray(self.shape, self.dtype, content, self.offset)
 
     def describe(self) -> dict[str, Any]:
-        """Returns the array's description for the handshake with the robot program."""
+        """Returns the array's description for the handshake with the robot program, without absent bounds and texts."""
         description = {
             "path": list(self.path),
             "dtype": self.dtype.name,
@@ -69,7 +69,7 @@ class Layout:
     """
 
     def __init__(self, spec: Any, header_bytes: int) -> None:
-        """Computes the positions of a spec's arrays in a message.
+        """Computes the positions of the arrays of an observation's or action's spec in a message.
 
         Args:
             spec: A dm_env spec, or nested mappings and sequences of dm_env specs.

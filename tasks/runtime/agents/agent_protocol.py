@@ -93,7 +93,7 @@ class ObservationWriter:
 
 
 def read_action(layout: Layout, payload: memoryview, expected: range) -> Any:
-    """Decodes the robot's action from a message's content.
+    """Decodes the robot's action from a message's content, and returns it in the form of the action spec.
 
     Args:
         layout: Layout of the action's arrays.
@@ -132,7 +132,7 @@ def _value(field: ArrayField, data: bytearray) -> Any:
 
 
 def read_hello(payload: memoryview) -> RobotHello:
-    """Decodes a robot program's first message.
+    """Decodes and returns a robot program's first message, its greeting.
 
     Raises:
         ProtocolError: The message is malformed or of another protocol version; the text says what would be right.
@@ -148,7 +148,7 @@ def read_hello(payload: memoryview) -> RobotHello:
 
 
 def read_words(payload: memoryview) -> dict[str, Any]:
-    """Decodes a message that is a JSON object.
+    """Decodes a message that is a JSON object, and returns the object.
 
     Raises:
         ProtocolError: The message is not a JSON object.
@@ -163,7 +163,10 @@ def read_words(payload: memoryview) -> dict[str, Any]:
 
 
 def _with_shape(value: Any, field: ArrayField) -> NDArray[Any]:
-    """Converts an action's numbers or nested lists to an array of the expected shape."""
+    """Converts numbers or nested lists of an observation to an array of the expected shape.
+
+    Raises `ObservationError` if that is not possible.
+    """
     try:
         array = np.asarray(value)
     except ValueError as error:
@@ -191,7 +194,13 @@ def _shortened(array: NDArray[Any]) -> str:
 
 
 def _rebuilt(spec: Any, path: Path, values: Mapping[Path, Any]) -> Any:
-    """Arranges values by path in the nested form of a spec."""
+    """Arranges values in the nested form of a spec: dictionaries, lists and tuples.
+
+    Args:
+        spec: The spec, or a part of it.
+        path: Path of that part.
+        values: Values by their paths.
+    """
     if isinstance(spec, Mapping):
         return {key: _rebuilt(item, (*path, key), values) for key, item in spec.items()}
     if isinstance(spec, Sequence) and not isinstance(spec, str | bytes):

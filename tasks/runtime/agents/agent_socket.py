@@ -81,10 +81,10 @@ def _remove(path: Path) -> None:
 
 
 class AgentSocket:
-    """Unix socket on which a simulation waits for its robot program."""
+    """Unix socket on which a simulation waits for its robot program; its file is deleted by `close`."""
 
     def __init__(self, plan: RunPlan, name: str = AGENT_SOCKET) -> None:
-        """Opens the socket and listens.
+        """Creates a run's Unix socket for its robot program, and listens on it; replaces an earlier socket there.
 
         Args:
             plan: Plan of the run.
@@ -144,7 +144,7 @@ class AgentSocket:
                 return None
 
     def accept_waiting(self) -> socket.socket | None:
-        """Returns a waiting connection, or `None`; connections of other users are closed."""
+        """Returns a robot program's waiting connection, or `None` if none waits; closes connections of other users."""
         self._socket.setblocking(False)
         while True:
             try:
@@ -175,12 +175,15 @@ class AgentSocket:
 
 
 class AgentLink:
-    """Connection from a simulation to its robot program."""
+    """Connection from a simulation to its robot program, which sends and receives whole messages of the agent protocol.
+
+    Waiting ends with `Stopped` if the run has to stop, and with `Closed` if the program has closed the connection.
+    """
 
     def __init__(
         self, connection: socket.socket, limits: dict[int, int], stop: Stop, clock: Clock = time.monotonic
     ) -> None:
-        """Takes over an accepted connection.
+        """Takes over an accepted connection of a robot program.
 
         Args:
             connection: Socket of the accepted connection.
@@ -224,7 +227,7 @@ class AgentLink:
             self._check(deadline_s)
 
     def receive(self, timeout_s: float) -> Message:
-        """Waits for a message from the robot program; the returned content is valid until the next call.
+        """Waits for a message from the robot program, and returns it; its content is valid until the next call.
 
         Raises:
             TimeoutError: No complete message arrived in time.
@@ -287,7 +290,10 @@ class AgentLink:
         return True
 
     def say_last(self, kind: int, content: dict[str, object]) -> None:
-        """Sends a final message to the robot program, unless one was sent before or the robot has disconnected."""
+        """Sends a final message to the robot program, unless one was sent before or the robot has disconnected.
+
+        Waits for a limited time until it is sent; raises nothing.
+        """
         if self._said_last:
             return
         self._said_last = True
@@ -297,7 +303,7 @@ class AgentLink:
             return
 
     def refuse(self, text: str) -> None:
-        """Sends the robot program an error about its messages."""
+        """Sends the robot program an error about its messages as the last message, unless one was sent before."""
         self.say_last(ERROR, {"error": text})
 
     def close(self) -> None:

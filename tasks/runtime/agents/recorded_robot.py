@@ -25,7 +25,7 @@ class RecordedRobot(Observer):
     next_time_s = math.inf
 
     def __init__(self, recorded: RecordedActions, robot: str) -> None:
-        """Opens the recorded actions.
+        """Opens the recorded actions of a robot program, to play them back.
 
         Args:
             recorded: The actions, and how the run ended.
@@ -43,7 +43,7 @@ class RecordedRobot(Observer):
         self._taken = 0
 
     def make_agent(self, context: SimulationContext, environment: dm_env.Environment) -> Callable[..., Any]:
-        """Makes an agent that plays back the recorded actions.
+        """Returns an agent that plays back the recorded actions, one for each time step.
 
         Args:
             context: Context of the run.
@@ -78,12 +78,18 @@ class RecordedRobot(Observer):
         """Returns `None`: a rerun records no actions."""
 
     def close(self, ended_by: str | None) -> Findings:
-        """Returns the findings about the robot for the run's result: mode, and number of played back actions."""
+        """Returns the findings about the robot for the run's result: mode, and number of played back actions.
+
+        The reason of the run's end does not matter.
+        """
         del ended_by
         return Findings(extra={"agent": {"mode": "recorded", "actions": self._taken}})
 
     def _end(self) -> Exception:
-        """Returns the exception that ends the rerun after the last recorded action, as the recorded run ended."""
+        """Returns the exception to raise after the last recorded action, so that the rerun ends as the run did.
+
+        That is `StopIteration` or `RunEnded`, or `RobotProgramError` if the recorded run failed there.
+        """
         if self._ended_by == "agent":
             return StopIteration()
         if self._ended_by is not None:
@@ -95,5 +101,5 @@ class RecordedRobot(Observer):
 
 
 def _comparable_parts(header: ActionLogHeader) -> list[tuple[Any, ...]]:
-    """Returns the parts of an action log's header that have to be equal for recorded actions to fit an environment."""
+    """Returns the parts of an action log's header that must equal an environment's for the actions to fit it."""
     return [(array.path, array.dtype, array.shape, array.offset) for array in header.arrays]

@@ -58,7 +58,7 @@ class RemoteAgent:
         control_timestep_s: float | None = None,
         keep: Callable[[bytes], None] | None = None,
     ) -> None:
-        """Takes over a connection after the handshake.
+        """Takes over the connection to a robot program after the handshake.
 
         Args:
             link: Connection to the robot program.
@@ -119,7 +119,7 @@ class RemoteAgent:
         return action
 
     def findings(self) -> Findings:
-        """Returns figures about the message exchange for the run's result."""
+        """Returns figures about the messages exchanged with the robot program for the run's result, and any warning."""
         about: dict[str, Any] = {
             "mode": self._hello.mode,
             "observations": self._number + 1,
@@ -133,7 +133,10 @@ class RemoteAgent:
         return Findings(extra={"agent": about}, notes=self._silence_warning())
 
     def _silence_warning(self) -> list[str]:
-        """Returns a warning if a robot in free mode sent no action for most of the run, as a hanging program does."""
+        """Returns a warning if a robot in free mode sent no action for most of the run, as a hanging program does.
+
+        The list is empty in other modes, and if the robot was not silent.
+        """
         observations = self._number + 1
         silent = self._number - self._acted_at
         if self._hello.mode != "free" or silent < max(_MIN_SILENT_STEPS, observations / 2):
@@ -144,11 +147,11 @@ class RemoteAgent:
         ]
 
     def end(self, ended_by: str) -> None:
-        """Tells the robot program that the run is over."""
+        """Tells the robot program that the run is over, and by what it ended, unless it was told its end before."""
         self._link.say_last(END, {"ended_by": ended_by})
 
     def fail(self, text: str) -> None:
-        """Tells the robot program that the run failed."""
+        """Tells the robot program that the run failed, and why, unless it was told its end before."""
         self._link.refuse(text)
 
     def _in_lockstep(self) -> Any:
@@ -198,7 +201,7 @@ class RemoteAgent:
 
 
 def _copied(action: Any) -> Any:
-    """Copies an action, as environments may keep or change the arrays that they get."""
+    """Returns a copy of an action, as environments may keep or change the arrays that they get."""
     if isinstance(action, dict):
         return {key: _copied(item) for key, item in action.items()}
     if isinstance(action, list | tuple):
@@ -233,11 +236,13 @@ class RobotNodes(OtherInterface, Protocol):
         ...
 
     def make_agent(self, environment: Any, stop: Stop, keep: Callable[[bytes], None]) -> Agent:
-        """Makes the agent that the nodes drive; `keep` receives each action as bytes."""
+        """Returns the agent that the nodes drive; `keep` receives each action as bytes."""
         ...
 
     def close(self, ended_by: str | None = None) -> Findings:
         """Disconnects from the ROS nodes, and returns findings about them for the run's result.
+
+        The run did not end normally if the reason of its end is `None` or a `RunStop`.
 
         Raises:
             LaunchError: The run ended normally, but the nodes never sent a command.
@@ -248,13 +253,13 @@ class RobotNodes(OtherInterface, Protocol):
 class RemoteRobot(Observer):
     """Robot application in another process: waits for the robot program, makes its agent, and disconnects at the end.
 
-    It listens from the beginning, and is told of the run's end as an observer (`results.Observer`).
+    It listens from the beginning, and is told of the run's end as an observer (`Observer`).
     """
 
     next_time_s = math.inf
 
     def __init__(self, plan: RunPlan, robot: str, stop: Stop, nodes: RobotNodes | None = None) -> None:
-        """Opens the socket for the robot program.
+        """Opens the socket to which the robot program is to connect.
 
         Args:
             plan: Plan of the run.
@@ -277,7 +282,7 @@ class RemoteRobot(Observer):
         self._refuses_again_s, self._late = 0.0, 0
 
     def make_agent(self, context: SimulationContext, environment: dm_env.Environment) -> Agent:
-        """Waits for the robot program or for ROS nodes, and makes the agent that gets actions from them.
+        """Waits for the robot program or for ROS nodes, and returns the agent that gets actions from them.
 
         Args:
             context: Context of the run, with the robot application's environment variables.
@@ -330,7 +335,7 @@ class RemoteRobot(Observer):
         return self._agent
 
     def _refusing_late(self, agent: Agent) -> Agent:
-        """Wraps the agent of ROS nodes so that robot programs that connect during the run are refused."""
+        """Returns an agent of ROS nodes that refuses robot programs that connect during the run, at each step."""
 
         def drive(timestep: dm_env.TimeStep) -> Any:
             self._refuse_late()
@@ -339,7 +344,10 @@ class RemoteRobot(Observer):
         return drive
 
     def _refuse_late(self) -> None:
-        """Refuses robot programs that connect while ROS nodes drive, as a rerun could not repeat a change of driver."""
+        """Refuses and counts robot programs that connect while ROS nodes drive: a rerun could not repeat such a change.
+
+        Does nothing if it was called a moment ago, or if there is no socket.
+        """
         now_s = time.monotonic()
         if self._socket is None or now_s < self._refuses_again_s:
             return
@@ -451,7 +459,10 @@ def _control_timestep_s(environment: Any) -> float | None:
 
 
 def _simulated_time(environment: Any, control_timestep_s: float | None) -> Callable[[int], float]:
-    """Returns a function for the simulated time of a step: that of the physics, else step number × control timestep."""
+    """Returns a function for the simulated time of a step: that of the physics, else step number × control timestep.
+
+    Without physics and control timestep, that time is NaN.
+    """
     if hasattr(getattr(environment, "physics", None), "data"):
         return lambda _: environment.physics.data.time
     return lambda number: number * (control_timestep_s or math.nan)

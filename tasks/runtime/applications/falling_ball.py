@@ -41,7 +41,7 @@ class FallingBall(dm_env.Environment):
         return dm_env.restart(self._height())
 
     def step(self, action: Any) -> dm_env.TimeStep:  # noqa: ARG002 - nothing moves the ball
-        """Simulates ten milliseconds of the ball's fall."""
+        """Simulates ten milliseconds of the ball's fall; the last time step ends the run, after half a second."""
         self._physics.step(_STEPS_EACH)
         self._steps += 1
         ends = self._steps >= _STEPS
@@ -56,7 +56,7 @@ class FallingBall(dm_env.Environment):
         return specs.Array((0,), float)
 
     def run_result(self) -> dict[str, Any]:
-        """Returns the verdict: PASS if the ball has fallen."""
+        """Returns the verdict, PASS if the ball has fallen, and its height in metres."""
         fell = bool(self._height()[0] < 1.0)
         return {"verdict": "PASS" if fell else "FAIL", "metrics": {"height_m": float(self._height()[0])}}
 
@@ -70,5 +70,5 @@ def make_environment(context: Any) -> FallingBall:  # noqa: ARG001 - the interfa
 
 
 def make_agent(context: Any, environment: FallingBall) -> Any:  # noqa: ARG001 - the interface of applications
-    """Makes an agent that does nothing."""
+    """Makes an agent that does nothing: its action has no numbers."""
     return lambda _timestep: np.zeros(0)

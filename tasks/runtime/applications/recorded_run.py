@@ -58,7 +58,7 @@ class RecordedRun(dm_env.Environment):
         *,
         calls_functions: bool = True,
     ) -> None:
-        """Opens the recording.
+        """Opens the ROS recording that is to be replayed and judged.
 
         Args:
             path: The recording's file; see `find_recording`.
@@ -106,7 +106,7 @@ class RecordedRun(dm_env.Environment):
         return ((time_s, message.content) for time_s, message in self.timed(topic))
 
     def timed(self, topic: str) -> Iterator[tuple[float, Message]]:
-        """Yields the messages on an existing topic, each with all its times."""
+        """Yields the messages on an existing topic, from the run's beginning on, each with its time in seconds."""
         clock_s = 0.0
         for message in self._bag.messages({topic, *([CLOCK] if self._clock else [])}):
             if self._clock and message.topic == CLOCK:
@@ -116,7 +116,7 @@ class RecordedRun(dm_env.Environment):
                 yield time_s, message
 
     def reset(self) -> dm_env.TimeStep:
-        """Goes to the beginning of the recorded run.
+        """Goes to the beginning of the recorded run, and returns the first time step.
 
         Raises:
             RecordingFault: The recording is damaged, or ends before the run begins.
@@ -140,7 +140,7 @@ class RecordedRun(dm_env.Environment):
         return dm_env.restart(self._time())
 
     def step(self, action: Any) -> dm_env.TimeStep:  # noqa: ARG002 - what happened has happened
-        """Reads the recording's messages up to the end of the next step.
+        """Reads the recording's messages up to the end of the next step, and returns its time step.
 
         Raises:
             RecordingFault: The recording is damaged, or its time goes backwards.
@@ -172,7 +172,10 @@ class RecordedRun(dm_env.Environment):
         return specs.Array((0,), float)
 
     def run_result(self) -> EnvironmentReport:
-        """Returns the driven path, and the topics and method that measured it; the job's requirements judge the run."""
+        """Returns the driven path, and the topics and method that measured it; the job's requirements judge the run.
+
+        Ends the measurement, which checks what the recording did not have.
+        """
         self._measurements.finish(self._time_s, is_over=self._next is not None)
         seconds = f"{self._time_s:.1f} s"
         about = {"file": self._bag.path.name, "topics": self._heard, "time": "clock" if self._clock else "received"}
@@ -189,7 +192,10 @@ class RecordedRun(dm_env.Environment):
 
     @contextmanager
     def _closed_by_faults(self) -> Iterator[None]:
-        """Context manager that closes the recording when reading it fails, since nothing else would close it."""
+        """Closes the recording if reading it fails inside the `with` block, since nothing else would close it.
+
+        The `RecordingFault` is raised again.
+        """
         try:
             yield
         except RecordingFault:
@@ -217,7 +223,10 @@ class RecordedRun(dm_env.Environment):
         return has_clock and self._sources.time != "received"
 
     def _advance(self) -> None:
-        """Reads one message ahead, and determines its time."""
+        """Reads one message of the recording ahead, and determines its time in the run, in seconds.
+
+        Clock messages are used up. Raises `RecordingFault` if time goes backwards on the clock's topic.
+        """
         message = self._next = next(self._messages, None)
         while message is not None and self._clock and message.topic == CLOCK:
             stamp = message.content.clock
@@ -236,7 +245,12 @@ class RecordedRun(dm_env.Environment):
         return (time_ns - self._bag.start_ns) / 1e9 - self._sources.start_s
 
     def _take_until(self, until_s: float, *, holds: bool = False) -> float:
-        """Takes messages up to a time, optionally holding back those without poses; returns the last one's time."""
+        """Takes the recording's messages up to a time; returns the time of the latest one, or the present time.
+
+        Args:
+            until_s: Time in the run, in seconds.
+            holds: Whether messages without poses are held back, to be taken later.
+        """
         last_s = self._time_s
         while self._next is not None and self._next_s <= until_s:
             message, time_s = self._next, self._next_s
@@ -250,7 +264,10 @@ class RecordedRun(dm_env.Environment):
         return last_s
 
     def _show(self, time_s: float) -> None:
-        """Moves the body to the robot's recorded position, and sets the physics' time."""
+        """Sets the physics' time in seconds, moves the body to the recorded pose, and adds that to the driven path.
+
+        If no pose is known yet, only the time is set.
+        """
         self._time_s = self._physics.data.time = max(0.0, time_s)
         pose = self._measurements.pose
         if pose is None or not math.isfinite(pose.position[0]):
@@ -283,5 +300,5 @@ def make_environment(context: SimulationContext) -> RecordedRun:
 
 
 def make_agent(context: Any, environment: Any) -> Any:  # noqa: ARG001 - the interface of applications
-    """Makes an agent that does nothing: the robot has driven already."""
+    """Makes an agent that does nothing, as the robot has driven already: its action has no numbers."""
     return lambda _timestep: np.zeros(0)

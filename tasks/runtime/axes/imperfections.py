@@ -24,7 +24,7 @@ _ROUNDING = 1e-9
 
 @dataclass
 class LidarErrors:
-    """Errors of a lidar: noise, bias, dropout and latency."""
+    """Errors of a lidar, which axes of trials can change: noise and bias (m), share of lost rays, and latency (s)."""
 
     noise_std_m: float
     """Standard deviation of the noise of ranges, in metres."""
@@ -53,7 +53,7 @@ class LidarErrors:
 
 @dataclass
 class CommandDelay:
-    """Delay between an agent's commands and the motors."""
+    """Delay in seconds between an agent's commands and the motors, which axes of trials can change."""
 
     delay_s: float = 0.0
     """Simulated seconds from a command to the motors."""
@@ -61,7 +61,7 @@ class CommandDelay:
 
 @dataclass
 class CommandGains:
-    """Factors by which an agent's commands are multiplied."""
+    """Factors on an agent's commands, which axes of trials can change: one on all numbers, one on the turning rate."""
 
     whole: float = 1.0
     """Factor on all numbers of a command."""
@@ -76,7 +76,10 @@ class CommandGains:
         return self.whole == 1 and self.turn in (1, None)
 
     def scale(self, action: Any) -> Any:
-        """Multiplies a command by the factors; a command that is not numeric is returned unchanged."""
+        """Returns a robot command multiplied by the factors: one for all numbers, another for the turning of two.
+
+        A command that is not numeric is returned unchanged.
+        """
         try:
             values = np.array(action, np.float64)
         except (TypeError, ValueError):
@@ -89,20 +92,20 @@ class CommandGains:
 
 @dataclass
 class WheelSlip:
-    """Slip of wheels."""
+    """Share of the wheels' motion that is lost to the floor, from 0 to 1, which axes of trials can change."""
 
     slip: float = 0.0
     """Share of their turning that does not move the robot, 0 to below 1."""
 
     @property
     def transmitted(self) -> float:
-        """Share that does."""
+        """Share of the wheels' motion that moves the robot, from 0 to 1; the rest is lost to the floor."""
         return 1.0 - self.slip
 
 
 @dataclass
 class OdometryErrors:
-    """Errors of the pose that a robot is told."""
+    """Errors of the pose that a robot is told, which axes of trials can change: drift in metres per root of a metre."""
 
     drift_std_m: float = 0.0
     """Standard deviation of x and y in metres, and of the heading in radians, after one metre of way."""
@@ -114,7 +117,7 @@ class OdometryDrift(KeepsAttributes):
     KEPT = ("_error", "_last")
 
     def __init__(self, errors: OdometryErrors, chance: np.random.Generator) -> None:
-        """Starts without an error.
+        """Prepares the drift of a robot's odometry, which begins without an error.
 
         Args:
             errors: The errors, as they are now.
@@ -126,7 +129,10 @@ class OdometryDrift(KeepsAttributes):
         self._last: tuple[float, float] | None = None
 
     def told(self, x: float, y: float, yaw: float) -> tuple[float, float, float]:
-        """Returns the pose that a robot is told that has moved on to a pose; to be called at each control step."""
+        """Returns the erroneous pose that odometry reports for a true pose; to be called at each control step.
+
+        The error grows at random with each metre driven. Positions are in metres, `yaw` is in radians.
+        """
         if self._std == 0.0:
             return x, y, yaw
         last, self._last = self._last or (x, y), (x, y)
@@ -138,11 +144,11 @@ class OdometryDrift(KeepsAttributes):
         return x + wrong[0], y + wrong[1], math.remainder(yaw + wrong[2], math.tau)
 
     def state(self) -> Any:
-        """Returns the error and the generator, for a checkpoint."""
+        """Returns the present odometry error and the random generator's state, for a checkpoint."""
         return super().state(), self._chance.bit_generator.state
 
     def restore(self, state: Any) -> None:
-        """Restores the waiting commands and the other controller's state from a checkpoint."""
+        """Restores the odometry error and the random generator's state from a checkpoint."""
         own, self._chance.bit_generator.state = state
         super().restore(own)
 
@@ -186,7 +192,7 @@ class ScaledController:
     """Controller that multiplies commands by factors and passes them to another controller."""
 
     def __init__(self, controller: _Controller, gains: CommandGains) -> None:
-        """Creates the controller with the present factors.
+        """Creates a controller that multiplies commands by the present factors.
 
         Args:
             controller: Controller that executes the commands.
@@ -216,7 +222,7 @@ class DelayedController(KeepsAttributes):
     substep: Callable[[], None] | None
 
     def __init__(self, controller: _Controller, delay_s: float) -> None:
-        """Creates the controller without waiting commands.
+        """Creates a controller that delays commands, of which none wait yet.
 
         Args:
             controller: Controller that executes the commands.

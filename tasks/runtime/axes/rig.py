@@ -135,7 +135,7 @@ class ModelRig:
 
     @property
     def lidar(self) -> LidarErrors:
-        """Noise, bias, dropout and latency of the robot's lidar.
+        """Changeable noise, bias, dropout and latency of the robot's lidar.
 
         Raises:
             AxisError: The environment has no lidar whose readings axes could change.
@@ -144,7 +144,7 @@ class ModelRig:
 
     @property
     def commands(self) -> CommandDelay:
-        """Delay between the agent's commands and the robot's motors.
+        """Changeable delay between the agent's commands and the robot's motors.
 
         Raises:
             AxisError: The environment cannot delay commands.
@@ -153,7 +153,7 @@ class ModelRig:
 
     @property
     def command_gains(self) -> CommandGains:
-        """Factors by which the agent's commands to the robot are multiplied.
+        """Changeable factors by which the agent's commands to the robot are multiplied.
 
         Raises:
             AxisError: The environment cannot scale commands.
@@ -162,7 +162,7 @@ class ModelRig:
 
     @property
     def wheels(self) -> WheelSlip:
-        """Slip of the robot's wheels.
+        """Changeable slip of the robot's wheels.
 
         Raises:
             AxisError: The robot has no wheels on two sides, or the environment cannot let them slip.
@@ -171,7 +171,7 @@ class ModelRig:
 
     @property
     def odometry(self) -> OdometryErrors:
-        """Errors of the pose that the robot is told.
+        """Changeable errors of the pose that the robot is told.
 
         Raises:
             AxisError: The environment tells no pose that could drift.
@@ -180,6 +180,8 @@ class ModelRig:
 
     def scale(self, field: str, where: Any, factor: float | None) -> None:
         """Sets numbers of a model field to a factor times the values that the model was built with; see `Rig`.
+
+        `None` as the factor sets the values that the model was built with.
 
         Raises:
             AxisError: Another axis has changed the same numbers.
@@ -193,7 +195,7 @@ class ModelRig:
         getattr(self._model, field)[where] = built if factor is None else built * factor
 
     def derive_constants(self) -> None:
-        """Computes the model's constants that depend on masses, on a copy, so that nothing else changes."""
+        """Sets the model's constants that depend on masses, computed on a copy, so that nothing else changes."""
         source = self._built
         if any(not np.array_equal(getattr(self._model, name), getattr(source, name)) for name in _OF_BODIES):
             source, data = self._scratch
@@ -210,7 +212,7 @@ class ModelRig:
         return fields | {name: copy(vars(part)) for name, part in self._parts.items()}
 
     def lost(self, changes: dict[str, Any]) -> str:
-        """Names values set by axes that are no longer in effect; empty if all are.
+        """Returns the reason why a value set by an axis is no longer in effect, as text; empty if all are in effect.
 
         Args:
             changes: Values to compare with, from `changes`.
@@ -242,7 +244,13 @@ class ModelRig:
 
 
 def _rub(model: mujoco.MjModel, robot: NDArray[np.bool_], floor: NDArray[np.bool_]) -> bool:
-    """Returns whether a geom of the robot and one of the floor can collide with friction."""
+    """Whether some geom of the robot and some geom of the floor can collide with friction.
+
+    Args:
+        model: The model.
+        robot: Geoms of the robot, shape (geoms,).
+        floor: Geoms of the floor, shape (geoms,).
+    """
 
     def kinds(geoms: NDArray[np.bool_]) -> set[tuple[int, int, int]]:
         columns = (model.geom_contype, model.geom_conaffinity, model.geom_condim)

@@ -42,7 +42,7 @@ class Variation(Observer):
         return environment
 
     def _bind(self, environment: Any) -> None:
-        """Finds the parts of an environment that the axes change."""
+        """Finds the parts of an environment that the axes change; raises `AxisError` if it does not have them."""
         self._setters.clear()
         name = kind = ""
         try:

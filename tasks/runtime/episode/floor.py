@@ -39,7 +39,12 @@ class MapFloor:
         return self._map.resolution_m**2
 
     def cells(self, polygon: Sequence[Point] | None, radius_m: float) -> frozenset[int]:
-        """Returns the cells inside a polygon, or of the whole map, that a disc of a radius can pass over."""
+        """Returns the numbers of the map's cells that a disc can pass over, inside a polygon or anywhere.
+
+        Args:
+            polygon: Corners in metres; `None`: the whole map.
+            radius_m: Radius of the disc in metres.
+        """
         fitting = self._fitting(radius_m)
         if not fitting.any():
             return frozenset()
@@ -50,7 +55,13 @@ class MapFloor:
         return frozenset(np.flatnonzero(passable).tolist())
 
     def passed(self, start: Point, end: Point, radius_m: float) -> frozenset[int]:
-        """Returns the cells that a disc of a radius passes over on a straight line."""
+        """Returns the numbers of the map's cells that a disc passes over on a straight line, whether free or not.
+
+        Args:
+            start: Beginning of the line in metres.
+            end: End of the line in metres.
+            radius_m: Radius of the disc in metres.
+        """
         resolution_m = self._map.resolution_m
         corners = np.array([start, end], dtype=np.float64)
         low, high = corners.min(axis=0) - radius_m, corners.max(axis=0) + radius_m
@@ -107,7 +118,7 @@ class MapFloor:
         return (away[1:-1, 1:-1] - 0.5) * self._map.resolution_m
 
     def _inside(self, polygon: Sequence[Point]) -> NDArray[np.bool_]:
-        """Returns a mask of the cells whose centre is inside a polygon, by the even-odd rule."""
+        """Returns a mask of the cells whose centre is inside a polygon, by the even-odd rule; corners are in metres."""
         rows, columns = np.indices(self._map.free.shape)
         points = self._map.centers(rows.ravel(), columns.ravel())
         x, y = points.T
@@ -122,7 +133,10 @@ class MapFloor:
         return int(row), int(column)
 
     def _snapped(self, point: Point, fitting: NDArray[np.bool_]) -> int | None:
-        """Returns the nearest cell where a disc fits, within `_SNAP_M`; `None` if there is none."""
+        """Returns the number of the nearest cell where a disc fits, within `_SNAP_M` metres.
+
+        Returns `None` if there is none.
+        """
         rows, columns = np.nonzero(fitting)
         if not len(rows):
             return None
@@ -131,7 +145,10 @@ class MapFloor:
         return int(rows[nearest] * self._columns + columns[nearest]) if away[nearest] <= _SNAP_M else None
 
     def _graph(self, fitting: NDArray[np.bool_]) -> sparse.csr_matrix:
-        """Builds the graph of steps between cells where a disc fits; a step past a corner needs the cells beside it."""
+        """Builds the graph of steps between cells where a disc fits, weighted by length in metres.
+
+        A step past a corner needs all cells that its straight line enters.
+        """
         numbers = np.arange(fitting.size).reshape(fitting.shape)
         starts: list[NDArray[np.intp]] = []
         ends: list[NDArray[np.intp]] = []
@@ -164,7 +181,12 @@ class MapFloor:
         return (one_way + one_way.T).tocsr()
 
     def _tight(self, points: NDArray[np.float64], fitting: NDArray[np.bool_]) -> float:
-        """Returns the length in metres of a path that is pulled tight between obstacles."""
+        """Returns the length in metres of a path that is pulled tight between obstacles.
+
+        Args:
+            points: The path in metres, shape (n, 2).
+            fitting: Cells where the disc fits.
+        """
         length_m, here = 0.0, 0
         while here < len(points) - 1:
             there = len(points) - 1

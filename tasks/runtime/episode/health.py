@@ -40,7 +40,7 @@ _SPOILS_JUDGEMENT = {
 
 @dataclass(frozen=True)
 class _First:
-    """First occurrence of a defect, with its step and simulated time."""
+    """First occurrence of a defect of the physics, with its step and simulated time in seconds, for a message."""
 
     text: str
     step: int
@@ -102,7 +102,7 @@ class PhysicsHealth(Observer):
         self._steps += 1
 
     def look_at_timestep(self, timestep: dm_env.TimeStep) -> None:
-        """Checks a time step for non-finite rewards and NaN in observations."""
+        """Notes a defect if a time step has a reward that is not finite; looks now and then for NaN in observations."""
         self._timesteps += 1
         reward = timestep.reward
         if isinstance(reward, float) and not math.isfinite(reward):
@@ -111,22 +111,22 @@ class PhysicsHealth(Observer):
             self._note(self._noted, "observation", f"the observation {name!r} had NaN", self._timesteps)
 
     def last_look(self, environment: Any) -> None:
-        """Checks the physics once more at the end of the run."""
+        """Looks once more for bad numbers in the physics, at the end of the run; does nothing without physics."""
         if self._data is not None and getattr(environment, "physics", None) is not None:
             self._look_for_numbers()
 
     def state(self) -> dict[str, Any]:
-        """Returns the found defects, for a checkpoint; see `results.Observer`."""
+        """Returns the defects found so far, with all counts of the watched run, for a checkpoint."""
         kept = ("_steps", "_timesteps", "_time_s", "_still_steps", "_broken", "_missed", "_noted")
         return {name: getattr(self, name) for name in kept}
 
     def restore(self, state: dict[str, Any], environment: Any) -> None:
-        """Restores the found defects from a checkpoint; see `results.Observer`."""
+        """Restores the found defects from a checkpoint's state, and reads from then on the environment's physics."""
         self.__dict__.update(state)
         self._bind(environment)
 
     def close(self, ended_by: str | None) -> Findings:
-        """Returns the defects, which count as missed requirements, and notes.
+        """Returns the physics' defects, which count as missed requirements, and notes; none of a run that failed.
 
         Args:
             ended_by: Cause of the run's end; None if it failed.
@@ -144,7 +144,7 @@ class PhysicsHealth(Observer):
     # Looks
 
     def _bind(self, environment: Any) -> None:
-        """Caches constants of the environment's physics, which environments may replace."""
+        """Caches constants of the environment's physics, which it may replace: robot body, floor, warnings."""
         model, data = raw_physics(environment.physics)
         self._data = environment.physics.data
         self._raw = data
@@ -212,7 +212,10 @@ def _nan_in(observation: Any, name: str = "") -> str:
 
 
 def _reach_m(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> float:
-    """Returns the radius in metres of a sphere around the robot's body that encloses all of its geoms."""
+    """Returns the radius in metres of a sphere around the robot's body that encloses all of its geoms.
+
+    It is infinite for a robot without geoms.
+    """
     geoms = np.flatnonzero(robot_bodies(model, body)[model.geom_bodyid])
     if not len(geoms):
         return math.inf

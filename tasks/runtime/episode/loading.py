@@ -18,7 +18,7 @@ class LoadError(Exception):
 
 
 def add_to_import_path(path: Path) -> None:
-    """Adds the packages of an unpacked bundle to the import path, before installed ones.
+    """Puts the folder of an unpacked bundle at the beginning of the import path, before installed packages.
 
     Raises:
         LoadError: The folder does not exist.
@@ -32,6 +32,8 @@ def add_to_import_path(path: Path) -> None:
 
 def load_factory(attribute: str, path: Path | None = None) -> Callable[..., Any]:
     """Imports the factory function of an application by its dotted path.
+
+    Puts the bundle's folder on the import path.
 
     Args:
         attribute: Dotted path, `package.module.make_environment`.
@@ -65,7 +67,7 @@ def load_factory(attribute: str, path: Path | None = None) -> Callable[..., Any]
 
 
 def load_judging_function(plan: RunPlan, rule: Rule[Any], attribute: str) -> Callable[..., Any]:
-    """Imports a predicate function of a requirement, from an application's bundle or an installed package.
+    """Imports and returns a predicate function of a requirement, from an application's bundle or an installed package.
 
     Args:
         plan: Plan of the run, with its applications.
@@ -86,7 +88,10 @@ def load_judging_function(plan: RunPlan, rule: Rule[Any], attribute: str) -> Cal
 
 
 def _import_longest(parts: list[str], path: Path | None) -> tuple[ModuleType, list[str]]:
-    """Imports the longest leading part of a dotted path that is a module; returns it and the remaining names."""
+    """Imports the longest leading part of a dotted path that is a module; returns it and the remaining names.
+
+    At least one name remains. Raises `LoadError` if the package is missing or its import fails.
+    """
     module: ModuleType | None = None
     for count in range(1, len(parts)):
         name = ".".join(parts[:count])
@@ -132,7 +137,7 @@ def _list(names: list[str]) -> str:
 
 
 def _check_origin(module: ModuleType, path: Path) -> None:
-    """Raises an error if a module was not imported from the given bundle: bundles and packages may share names."""
+    """Raises `LoadError` if a module was not imported from the given bundle: bundles and packages may share names."""
     origins = [module.__file__] if module.__file__ else list(getattr(module, "__path__", []))
     if not any(Path(origin).resolve().is_relative_to(path.resolve()) for origin in origins):
         top = module.__name__.partition(".")[0]

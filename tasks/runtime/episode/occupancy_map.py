@@ -83,7 +83,7 @@ def read_world_map(world_dir: Path) -> OccupancyMap:
     """Reads the occupancy map of a world, cached.
 
     Raises:
-        ValueError: See `read_map`.
+        ValueError: The map is no YAML, rotated against the world, or lacks a member or has a wrong one.
     """
     return read_map(world_dir / "map.yaml")
 

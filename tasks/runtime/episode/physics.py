@@ -71,7 +71,7 @@ def robot_bodies(model: mujoco.MjModel, body: int) -> NDArray[np.bool_]:
 
 
 def bodies_below(model: mujoco.MjModel, body: int) -> NDArray[np.bool_]:
-    """Returns a mask of the bodies that are a body or its descendants."""
+    """Returns a mask, shape (nbody,), of a body and all its descendants."""
     below = np.zeros(model.nbody, dtype=np.bool_)
     below[body] = True
     for each in range(body + 1, model.nbody):  # parents come before their children
@@ -94,7 +94,7 @@ def radius_of(model: mujoco.MjModel, body: int) -> float:
 
 
 def _moved_body(model: mujoco.MjModel, actuator: int) -> int:
-    """Returns the body that an actuator acts on; 0 (the world) if it cannot be determined."""
+    """Returns the id of the body that an actuator acts on; 0 (the world) if it cannot be determined."""
     # As a plain number: an enumeration's member is not equal to one of numpy.
     kind, target = int(model.actuator_trntype[actuator]), int(model.actuator_trnid[actuator, 0])
     if kind in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT):
@@ -129,7 +129,7 @@ class ClearanceMeter:
         others: NDArray[np.bool_],
         names: Sequence[str],
     ) -> None:
-        """Prepares the measurement.
+        """Prepares to measure the distance between a robot and other objects.
 
         Args:
             model: The compiled world with the robot.
@@ -179,7 +179,10 @@ class ClearanceMeter:
         return None if other < 0 else (nearest, self._names[other])
 
     def _lower_bounds(self) -> NDArray[np.float64]:
-        """Returns lower bounds for the distance of each geom from the robot, from spheres and bounding boxes."""
+        """Returns lower bounds, in metres, for the distance of each other geom from the robot, shape (geoms,).
+
+        They are computed from spheres and bounding boxes, and are -inf for geoms that may penetrate the robot.
+        """
         positions = self._data.geom_xpos[self._robot]
         middle = (positions.min(axis=0) + positions.max(axis=0)) / 2
         radius = float((np.linalg.norm(positions - middle, axis=1) + self._radii).max())
@@ -220,7 +223,7 @@ class ContactForces:
         *,
         is_stale: bool = False,
     ) -> None:
-        """Determines the geoms of the robot and of other objects.
+        """Determines the geoms of the robot and of other objects, whose contact forces are read later.
 
         Args:
             model: The compiled world with the robot.
@@ -239,7 +242,7 @@ class ContactForces:
         self._copy = mujoco.MjData(model) if is_stale else None
 
     def read(self) -> dict[str, float]:
-        """Returns the normal force in newtons of each object that touches the robot now, by name."""
+        """Returns the normal forces in newtons of the objects that touch the robot now, by name; may be empty."""
         pairs = self._data.contact.geom
         signature = pairs.tobytes()
         # The same few lists of pairs come again and again: wheels and a slide on the floor, what lies on what.
@@ -268,7 +271,7 @@ class ContactForces:
 
 
 def solved_copy(model: mujoco.MjModel, data: mujoco.MjData, copy: mujoco.MjData) -> mujoco.MjData:
-    """Copies a MuJoCo state and solves all forces in the copy; the original is unchanged."""
+    """Copies a MuJoCo state into `copy`, solves all forces there, and returns it; the original is unchanged."""
     kind = mujoco.mjtState.mjSTATE_INTEGRATION
     state = np.zeros(mujoco.mj_stateSize(model, kind))
     mujoco.mj_getState(model, data, state, kind)

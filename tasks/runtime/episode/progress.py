@@ -41,7 +41,7 @@ class Phase(IntEnum):
 
     @property
     def activity(self) -> str:
-        """Phase as text that follows "failed in"."""
+        """Phase of a run as text that follows "failed in", for error messages."""
         return _ACTIVITIES[self]
 
 
@@ -68,7 +68,7 @@ _ACTIVITIES = {
 
 
 def unanswered(phase: Phase, steps: int, time_s: float) -> str:
-    """Describes which program did not answer when a run was stopped at its time limit.
+    """Returns text that says which program did not answer when a run was stopped at its time limit.
 
     An example: `stopped at the duration limit: the robot application did not answer in step 3, at 0.02 s simulated`.
 
@@ -94,7 +94,7 @@ class Progress:
         self._page = mmap.mmap(-1, _SIZE)
 
     def mark(self, phase: int) -> None:
-        """Sets the phase that begins now."""
+        """Writes to the memory shared with the supervisor which phase of the run begins now."""
         self._page[_PHASE] = phase
 
     @property
@@ -103,7 +103,7 @@ class Progress:
         return Phase(self._page[_PHASE])
 
     def count_step(self, steps: int, time_s: float) -> None:
-        """Sets the number of steps done, and the simulated time in seconds."""
+        """Writes the number of steps done and the simulated time in seconds to memory shared with the supervisor."""
         _STEPS_AND_TIME.pack_into(self._page, _WHERE, steps, time_s)
 
     @property
@@ -112,7 +112,7 @@ class Progress:
         return _STEPS_AND_TIME.unpack_from(self._page, _WHERE)
 
     def begin_to_judge(self) -> None:
-        """Marks that the run has requirements or judges itself."""
+        """Notes in the memory shared with the supervisor that the run has requirements or judges itself."""
         self._page[_JUDGES] = 1
 
     @property
@@ -136,7 +136,7 @@ class Progress:
         return STOP_REASONS[self._page[_STOP]]
 
     def finish_trials(self, count: int) -> None:
-        """Sets the number of finished trials."""
+        """Writes the number of finished trials to the memory shared with the supervisor."""
         _UINT.pack_into(self._page, _TRIALS, count)
 
     @property
@@ -145,7 +145,10 @@ class Progress:
         return _UINT.unpack_from(self._page, _TRIALS)[0]
 
     def write_report(self, report: dict[str, Any]) -> None:
-        """Stores the run's final report in shared memory; its length is written last, so it is complete or absent."""
+        """Stores the run's final report in shared memory; its length is written last, so it is complete or absent.
+
+        Raises `ValueError` if the report is too long.
+        """
         data = json.dumps(report).encode()
         if len(data) > _SIZE - _REPORT:
             raise ValueError(f"a report of {len(data)} bytes does not fit into {_SIZE - _REPORT}")
@@ -153,7 +156,7 @@ class Progress:
         _UINT.pack_into(self._page, _LENGTH, len(data))
 
     def read_report(self) -> dict[str, Any]:
-        """Reads the run's final report from the shared memory; empty if there is none."""
+        """Returns the run's final report from the shared memory; empty if there is none, or it is damaged."""
         (length,) = _UINT.unpack_from(self._page, _LENGTH)
         try:
             return json.loads(self._page[_REPORT : _REPORT + length]) if length else {}

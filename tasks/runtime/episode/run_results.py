@@ -56,7 +56,7 @@ class ReportingEnvironment(Protocol):
     """Interface of an environment that judges its run by `run_result`."""
 
     def run_result(self) -> EnvironmentReport | dict[str, Any]:
-        """Returns the environment's report; called once, after the last step."""
+        """Returns the environment's report (verdict, requirements, metrics); it is called once, after the last step."""
         ...
 
 
@@ -144,7 +144,7 @@ class Episode:
     """Simulated time at the end, in seconds."""
 
     wall_time_s: float
-    """Wall-clock time from the first reset to the last step."""
+    """Wall-clock time from the first reset to the last step, in seconds."""
 
     judges: bool = False
     """Whether the environment has a report method; a missing verdict is then no verdict "NONE"."""
@@ -159,7 +159,9 @@ class Episode:
 
 
 def read_report(environment: object) -> EnvironmentReport:
-    """Gets and checks an environment's report.
+    """Asks an environment for its report on the run, checks it, and returns it.
+
+    Returns an empty report for an environment that makes none.
 
     Raises:
         ValueError: The report does not fit `EnvironmentReport`, or JSON; the text names what.
@@ -260,7 +262,11 @@ def _ended_at_its_goals(episode: Episode, added: Sequence[Requirement]) -> bool:
 
 
 def _switched_off(added: Sequence[Requirement], report: EnvironmentReport) -> list[Requirement]:
-    """Returns the job's requirements; one that only switches off a requirement of the environment is no error."""
+    """Returns the job's requirements, in which switching off a requirement of the environment is no error.
+
+    Such an entry gets the environment's finding and does not count; one whose name the environment does not have stays
+    an error, with a hint at similar names.
+    """
     own = {item.name: item for item in report.requirements}
     there = f"; it has {', '.join(own)}" if own else ""
     found: list[Requirement] = []
@@ -278,7 +284,15 @@ def _switched_off(added: Sequence[Requirement], report: EnvironmentReport) -> li
 
 
 def _without(report: EnvironmentReport, replaced: Set[str], off: Set[str]) -> tuple[Verdict, list[Requirement]]:
-    """Returns the environment's verdict and requirements, without those that the job replaces or switches off."""
+    """Returns the environment's verdict and requirements, without those that the job replaces or switches off.
+
+    A failure that only replaced requirements caused becomes PASS; PASS becomes NONE if all requirements are off.
+
+    Args:
+        report: Result of the environment.
+        replaced: Names of requirements that the job replaces or switches off.
+        off: Names of those that it switches off.
+    """
     kept = [item for item in report.requirements if item.name not in replaced]
     missed = [item for item in report.requirements if not item.satisfied]
     if report.verdict == "FAIL" and missed and all(item.name in replaced for item in missed):
@@ -291,7 +305,14 @@ def _without(report: EnvironmentReport, replaced: Set[str], off: Set[str]) -> tu
 
 
 def _summary(report: EnvironmentReport, added: Sequence[Requirement], reached: bool, sim_time_s: float) -> str:
-    """Makes the run's summary: the environment's sentence, and the job's requirements that are not met."""
+    """Returns the run's summary: the environment's sentence, and the job's requirements that are off or not met.
+
+    Args:
+        report: Result of the environment.
+        added: Requirements of the job.
+        reached: Whether the run ended because all goals were reached; then only that is said.
+        sim_time_s: Simulated time at the end, in seconds.
+    """
     if reached:
         return f"Ended at {sim_time_s:.1f} s with all goals reached."
     missed = {item.name for item in report.requirements if not item.satisfied}
@@ -308,7 +329,7 @@ def _summary(report: EnvironmentReport, added: Sequence[Requirement], reached: b
 
 
 def _defects_of(episode: Episode) -> list[Requirement]:
-    """Lists defects of an episode, such as that nothing was simulated, or that a program did not answer."""
+    """Lists defects of an episode: that nothing was simulated, or that a program did not answer; empty without any."""
     if episode.unanswered:
         return [never_answered(episode.unanswered)]
     if episode.steps:
@@ -319,12 +340,12 @@ def _defects_of(episode: Episode) -> list[Requirement]:
 
 
 def never_answered(text: str) -> Requirement:
-    """Makes the defect of a run in which a program did not answer until the time limit."""
+    """Returns the defect, as a missed requirement, of a run in which a program did not answer until the time limit."""
     return Requirement(name="answered", kind="health", satisfied=False, detail=text, error=text)
 
 
 def write_result(result: RunResult, output_dir: Path) -> Path:
-    """Writes `result.json`, atomically.
+    """Writes a run's `result.json` into its output folder, atomically, and returns the file's path.
 
     Raises:
         TypeError: `extra` holds something that is no JSON value.
@@ -351,7 +372,7 @@ def versions() -> dict[str, str]:
 
 
 def thin_out(path: list[tuple[float, float, float]], limit: int) -> list[tuple[float, float, float]]:
-    """Reduces a path to at most `limit` evenly chosen points, including both ends."""
+    """Returns at most `limit` evenly chosen points of a path (time s, x m, y m), including both ends."""
     if len(path) <= limit:
         return path
     return [path[round(i * (len(path) - 1) / (limit - 1))] for i in range(limit)]

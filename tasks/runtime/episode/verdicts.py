@@ -28,7 +28,7 @@ class Parts:
 
 @dataclass(frozen=True)
 class TrialParts:
-    """Counts of a run's trials by verdict."""
+    """Numbers of a run's trials: planned, passed, failed, with errors, and without a verdict."""
 
     planned: int
     passed: int

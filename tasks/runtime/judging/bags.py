@@ -85,7 +85,7 @@ def find_recording(place: Path) -> Path:
 
 
 class Bag:
-    """Reader of a ROS recording (ROS 1 or 2 bag, MCAP)."""
+    """Reader of a ROS recording (ROS 1 or 2 bag, MCAP); errors in the recording are raised as `RecordingFault`."""
 
     def __init__(self, path: Path) -> None:
         """Opens a recording and reads which topics it has.
@@ -108,7 +108,7 @@ class Bag:
             raise
 
     def _opened(self) -> Any:
-        """Returns a reader of the recording that begins at its start."""
+        """Returns a reader of the recording that begins at its start; raises `RecordingFault` if it cannot be read."""
         try:
             reader = Reader1(self.path) if self._is_ros1 else Reader2(self.path)
             reader.open()
@@ -164,7 +164,7 @@ class Bag:
         return len(found) == 1 and found <= set(types)
 
     def mixed(self, topic: str) -> str | None:
-        """Lists the message types of a topic as text if there are several, else returns `None`."""
+        """Returns the error text about a topic whose messages have several types; `None` if it has at most one."""
         found = sorted(self.types.get(topic, ()))
         if len(found) < 2:
             return None
@@ -174,7 +174,7 @@ class Bag:
         )
 
     def near(self, topic: str) -> str:
-        """Suggests the existing topic with the most similar name, or lists all topics."""
+        """Returns the end of an error text: the existing topic with the most similar name, else the names of topics."""
         return nearest(topic, self.types) or f"; it has {self.shown()}"
 
     def shown(self) -> str:
@@ -247,7 +247,10 @@ class Bag:
             )
 
     def _types(self, connections: Collection[Connection]) -> Any:
-        """Returns the message definitions of some topics' types; other topics' definitions may be missing or wrong."""
+        """Returns the message definitions of some topics' types; other topics' definitions may be missing or wrong.
+
+        Raises `RecordingFault` if a definition cannot be read, or a type has none.
+        """
         types: dict[str, Any] = {}
         if any(each.msgdef.format == MessageDefinitionFormat.NONE for each in connections):
             types |= get_typestore(Stores.LATEST).fielddefs
@@ -302,7 +305,7 @@ def _definitions(connection: Connection) -> dict[str, Any]:
 
 
 def _text_of(error: Exception) -> str:
-    """Returns the text of a reader's error; unhelpful texts are replaced by "the file ends within a record"."""
+    """Returns the text of a reader's error; unhelpful texts become "it ends in the middle of a record"."""
     if isinstance(error, struct.error | AssertionError | IndexError | TypeError) or not str(error):
         return "it ends in the middle of a record"
     return str(error).rstrip(".")

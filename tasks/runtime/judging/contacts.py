@@ -18,7 +18,7 @@ class Contacts:
     """Contact forces from recorded topics: the largest force of each object since the last check."""
 
     def __init__(self, topics: Sequence[str], types: Mapping[str, Set[str]], sources: RecordingSources) -> None:
-        """Prepares to read contacts.
+        """Prepares to read contacts from topics of a ROS recording.
 
         Args:
             topics: Topics with contacts.
@@ -43,7 +43,7 @@ class Contacts:
         return sources.max_gap_s if _STATES in types and not sources.contacts_on_touch else math.inf
 
     def look_back(self, time_s: float) -> None:
-        """Records too long silences of topics that publish continuously."""
+        """Makes rules errors if a continuously publishing topic of contacts has been silent for too long by a time."""
         for source in self.sources:
             if source.messages:  # the end says of a topic that never spoke why that may be
                 source.look_back(time_s)
@@ -72,7 +72,10 @@ class Contacts:
         return read
 
     def take(self, message: Message, time_s: float) -> None:
-        """Reads the robot's contacts from a recorded message."""
+        """Reads the robot's contacts from a recorded message; keeps each touched object's largest force in newtons.
+
+        A contact without a finite force makes the rules that use the topic errors.
+        """
         source = self._by_topic[message.topic]
         source.hear(time_s)
         for name, force in CONTACT_TYPES[message.type](message.content, self._other_side):
@@ -85,7 +88,11 @@ class Contacts:
                 felt[name] = max(felt.get(name, 0.0), force)
 
     def _other_side(self, first: str, second: str) -> str | None:
-        """Returns the name of the object that the robot touches; None: the robot is not involved, or on the floor."""
+        """Returns the name of the object that the robot touches in a contact of two named sides.
+
+        Returns `None` if the robot is not involved, touches itself, or touches the floor. Names of other models are
+        noted, for errors.
+        """
         ours = [_is_of(name, self.robot or "") for name in (first, second)]
         self._is_robot_seen = self._is_robot_seen or any(ours)
         if ours[0] == ours[1]:
@@ -97,7 +104,11 @@ class Contacts:
         return None if _is_of(other, _FLOOR) else other
 
     def finish(self, end_s: float) -> None:
-        """Checks at the end whether the robot's contacts could be recognised."""
+        """Makes rules errors, at the end of the recording, if the robot's contacts could not be recognised in it.
+
+        Args:
+            end_s: Time of the end in the run, in seconds.
+        """
         for source in self.sources:
             if not (source.messages or self._speak_on_touch or self._is_own[source.name]):
                 for rule in source.rules:
@@ -144,7 +155,10 @@ class Names:
             self._rules.append(rule)
 
     def finish(self) -> None:
-        """Makes errors of rules that name objects which the recording does not have: they could not be violated."""
+        """Makes rules errors that name objects which the recording does not have: they could not be violated.
+
+        A rule that was violated stays as it is.
+        """
         for rule in self._rules:
             unknown = [each for each in rule.asked.others or () if not self._is_known(each)]
             if unknown and rule.violated_s is None:  # what was found stands
@@ -195,6 +209,8 @@ _FRAMES = ("tf", "tf_static")
 def listed_names(bag: Bag, world: World | None, robot: str) -> frozenset[str]:
     """Returns the names of the objects that may be touched, if a world or a list of models has them.
 
+    The robot and the floor are left out.
+
     Args:
         bag: Recording to read the model names from.
         world: World of the run, if it is known.
@@ -237,7 +253,10 @@ def fits_floor(model: str) -> bool:
 
 
 def _of_markers(content: Any, other_side: _OtherSide) -> Iterator[tuple[str, float]]:
-    """Reads contacts of this package's recordings: each object's name and its force in newtons."""
+    """Reads contacts of this package's recordings: each object's name and its force in newtons.
+
+    The force is NaN if the text of a marker does not begin with a number.
+    """
     del other_side  # they are all of the robot
     sums: dict[str, float] = {}
     for marker in content.markers:

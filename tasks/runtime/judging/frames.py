@@ -31,7 +31,7 @@ def matrix_of(position: Any, orientation: Any) -> Matrix | None:
 
 
 def quaternion_of(matrix: Matrix) -> list[float]:
-    """Converts a transform matrix's orientation to a quaternion with w first, as MuJoCo has it."""
+    """Converts the orientation of a 4 × 4 transform matrix to a quaternion with w first, as MuJoCo has it."""
     m = matrix
     # By the largest of the four, so that nothing small is divided by: a turn of 180 degrees has w = 0.
     squares = np.array((
@@ -62,14 +62,14 @@ class FrameTree:
         return tree
 
     def know(self, transform: Any, *, is_static: bool) -> str:
-        """Records the parent of a frame; returns the frame."""
+        """Records which frame is the parent of a transform's frame, and returns the latter's name."""
         child = bare(transform.child_frame_id)
         self.parents[child] = bare(transform.header.frame_id)
         self.is_static[child] = is_static
         return child
 
     def place(self, transform: Any, *, is_static: bool) -> str | None:
-        """Records the pose of a frame; returns the frame, or `None` if the numbers are invalid."""
+        """Records parent and pose of a transform's frame; returns its name, or `None` if the numbers are invalid."""
         child = self.know(transform, is_static=is_static)
         matrix = matrix_of(transform.transform.translation, transform.transform.rotation)
         if matrix is None:
@@ -78,7 +78,7 @@ class FrameTree:
         return child
 
     def chain(self, root: str, frame: str) -> list[str] | None:
-        """Returns the chain of frames from a root down to a frame; `None` if they are not connected."""
+        """Returns the chain of frames from below a root down to a frame; `None` if they are not connected."""
         found: list[str] = []
         while frame != root:
             if frame in found or frame not in self.parents:
@@ -88,7 +88,7 @@ class FrameTree:
         return found[::-1]
 
     def along(self, chain: Sequence[str]) -> Matrix | None:
-        """Returns the pose of the last frame in a chain, as a matrix; `None` if part of it is unknown."""
+        """Returns the pose of a chain's last frame as a 4 × 4 matrix in metres; `None` if part of it is unknown."""
         matrix = np.eye(4)
         for frame in chain:
             if frame not in self._matrices:
@@ -97,7 +97,10 @@ class FrameTree:
         return matrix
 
     def relative(self, base: str, frame: str) -> Matrix | None:
-        """Returns the pose of a frame relative to another; `None` if unknown."""
+        """Returns the pose of a frame relative to a base frame as a 4 × 4 matrix in metres.
+
+        Returns `None` if the two are not connected, or a pose between them is not known yet.
+        """
         above = [base]
         while above[-1] in self.parents and self.parents[above[-1]] not in above:
             above.append(self.parents[above[-1]])
@@ -110,5 +113,5 @@ class FrameTree:
 
 
 def bare(frame: str) -> str:
-    """Removes the leading slash from a frame name, which old ROS 1 nodes write."""
+    """Returns a frame's name without the leading slash that old ROS 1 nodes write."""
     return frame.removeprefix("/")

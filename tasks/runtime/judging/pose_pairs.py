@@ -20,10 +20,10 @@ Timed = Iterator[tuple[float, Message]]
 
 
 class StampedPose(NamedTuple):
-    """A pose with its time stamp."""
+    """A planar pose (m, m, rad) with the time at which it was received and the time on its stamp, in seconds."""
 
     time_s: float
-    """Time of the message in seconds since the run began."""
+    """Time at which the pose's message was received, in seconds since the run began."""
     stamp_s: float
     pose: PlanarPose
 
@@ -82,7 +82,11 @@ class PosePairs:
         """True pose at the last estimate, or at the beginning of the requirement."""
 
     def of(self, estimates: Iterator[StampedPose], truths: Iterator[StampedPose]) -> Iterator[PosePair]:
-        """Yields the pairs in the order of the estimates."""
+        """Yields pairs of an estimated and the true pose at its time, in the order of the estimates.
+
+        The true pose is interpolated; an estimate without true poses on both sides in time is left out. The rule
+        becomes an error if the two have no common clock, or the estimates pause too long.
+        """
         first = next(estimates, None)
         ahead = [] if first is None else _until(first.time_s, truths)
         if first is not None and not self._has_one_clock(first, ahead):
@@ -118,7 +122,7 @@ class PosePairs:
         return False
 
     def _watch(self, truth: StampedPose) -> None:
-        """Makes the rule an error if the robot moved farther without an estimate than the allowed error."""
+        """Makes the rule an error if the robot moved farther than the allowed error in a long gap of the estimates."""
         if truth.time_s < self._asked.from_s:
             return
         since = self._since = truth if self._since is None else self._since
@@ -135,7 +139,7 @@ class PosePairs:
 
 
 def _until(time_s: float, poses: Iterator[StampedPose]) -> list[StampedPose]:
-    """Reads the poses up to a time, and the first one after it."""
+    """Reads the poses up to a time in seconds, and the first one at or after it, from an iterator."""
     found: list[StampedPose] = []
     for pose in poses:
         found.append(pose)
@@ -145,7 +149,7 @@ def _until(time_s: float, poses: Iterator[StampedPose]) -> list[StampedPose]:
 
 
 def _between(before: StampedPose, after: StampedPose, stamp_s: float) -> PlanarPose:
-    """Interpolates the pose at a time between two others."""
+    """Interpolates a planar pose (m, m, rad) at a time in seconds between two others."""
     passed_s = after.stamp_s - before.stamp_s
     share = (stamp_s - before.stamp_s) / passed_s if passed_s > 0 else 0.0
     (x0, y0, yaw0), (x1, y1, yaw1) = before.pose, after.pose

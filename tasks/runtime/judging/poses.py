@@ -26,7 +26,7 @@ smaller.
 
 
 class Pose:
-    """Latest pose of a frame in the map; NaN before the first message."""
+    """Latest pose of a frame in the map (metres; quaternion, w first), updated in place; NaN before a message."""
 
     def __init__(self, sources: Sequence[Source]) -> None:
         self.sources = sources
@@ -46,7 +46,7 @@ class Pose:
         return not math.isnan(self.position[0])
 
     def set(self, matrix: Matrix) -> None:
-        """Sets the latest pose of the frame."""
+        """Sets the frame's latest pose from a 4 × 4 matrix in metres, and notes if it ever tilts or rises."""
         self.position[:] = matrix[:3, 3].tolist()
         self.orientation[:] = quaternion_of(matrix)
         self.tilts = self.tilts or abs(matrix[2, 0]) + abs(matrix[2, 1]) > _PLANAR
@@ -55,7 +55,7 @@ class Pose:
 
 
 class PoseTopic:
-    """A recorded topic with one pose in each message."""
+    """A recorded topic with one pose in each message, and the latest of its poses."""
 
     def __init__(self, topic: str, sources: RecordingSources) -> None:
         self.source = Source(topic, sources.max_gap_s)
@@ -64,7 +64,13 @@ class PoseTopic:
         """Name of the frame in which the poses are given; empty before the first pose."""
 
     def take(self, message: Message, time_s: float, path: object) -> bool:
-        """Reads the pose of a message, and returns whether its numbers are valid; invalid poses are ignored."""
+        """Reads the pose of a recorded message, and returns whether its numbers are valid; invalid poses are ignored.
+
+        Args:
+            message: The message.
+            time_s: Time in the run, in seconds.
+            path: Path of the recording, for errors.
+        """
         self.source.check_stamp(message.content.header.stamp, path)
         matrix = matrix_of(*_POSES[message.type](message.content))
         if matrix is None:
@@ -76,7 +82,7 @@ class PoseTopic:
 
 
 class TransformPoses:
-    """Poses of frames computed from recorded `/tf` messages."""
+    """Poses of frames, computed from recorded `/tf` messages and updated with each of them."""
 
     def __init__(self, tree: FrameTree, sources: RecordingSources) -> None:
         self._tree = tree
@@ -91,7 +97,7 @@ class TransformPoses:
         return self._tree.is_static[frame]
 
     def pose(self, chain: Sequence[str]) -> Pose:
-        """Returns the pose at the end of a chain of frames (see `FrameTree.chain`)."""
+        """Returns the pose at the end of a chain of frames (see `FrameTree.chain`); later `/tf` messages update it."""
         key = tuple(chain)
         if key not in self._poses:
             moving = [frame for frame in key if not self._tree.is_static[frame]]
@@ -105,7 +111,13 @@ class TransformPoses:
         return self._poses[key]
 
     def take(self, message: Message, time_s: float, path: object) -> None:
-        """Reads the transforms of a recorded `/tf` message."""
+        """Reads the transforms of a recorded `/tf` message, and updates the poses that depend on them.
+
+        Args:
+            message: The message.
+            time_s: Time in the run, in seconds.
+            path: Path of the recording, for errors.
+        """
         changed: set[str] = set()
         for transform in message.content.transforms:
             link = self._links.get(bare(transform.child_frame_id))
@@ -121,7 +133,7 @@ class TransformPoses:
                 pose.set(matrix)
 
     def _check_parent(self, transform: Any) -> None:
-        """Makes rules errors whose chain of frames has a frame with a new parent: two nodes may publish it."""
+        """Makes rules errors whose chain of frames has a frame with a new parent, as two nodes may publish it."""
         child, parent = bare(transform.child_frame_id), bare(transform.header.frame_id)
         for key, pose in self._poses.items():
             if child not in key:

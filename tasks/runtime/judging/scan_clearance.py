@@ -18,7 +18,10 @@ _ALL_AROUND_RAD = math.radians(350)
 
 
 class Scan:
-    """Distances from the robot's surface to obstacles, from recorded lidar scans."""
+    """Distances in metres from the robot's surface to obstacles, from recorded lidar scans.
+
+    Rules become errors if the lidar cannot be trusted: its mounting is unknown, or it sees too little around the robot.
+    """
 
     def __init__(self, topic: str, tree: FrameTree, base: str, sources: RecordingSources) -> None:
         self.topic = topic
@@ -36,7 +39,11 @@ class Scan:
         self._has_seen = False
 
     def meter(self, rule: Rule[Any]) -> Callable[[float], tuple[float, str] | None]:
-        """Returns a function for the smallest distance since its last call; without a new scan it repeats it."""
+        """Returns a function that measures the smallest distance to obstacles since its last call, for a rule.
+
+        The function gets the distance in metres below which it answers, and returns the distance and a description, or
+        `None` if nothing is as near. Without a new scan it repeats the last one.
+        """
         self.source.rules.append(rule)
         near = [math.inf]
         self._near.append(near)
@@ -48,7 +55,13 @@ class Scan:
         return measure
 
     def take(self, message: Message, time_s: float, path: object) -> None:
-        """Reads a lidar scan; scans with too few valid rays are skipped."""
+        """Reads a lidar scan; scans with too few valid rays, or whose mounting is not known, are skipped.
+
+        Args:
+            message: The message.
+            time_s: Time in the run, in seconds.
+            path: Path of the recording, for errors.
+        """
         scan = message.content
         self.source.check_stamp(scan.header.stamp, path)
         ranges = np.asarray(scan.ranges, dtype=np.float64)
@@ -75,7 +88,10 @@ class Scan:
             near[0] = min(near[0], nearest_m)
 
     def _is_mounted(self, scan: Any, count: int) -> bool:
-        """Determines the lidar's pose on the robot and its ray directions; too small a field of view is an error."""
+        """Determines the lidar's pose on the robot and its ray directions; returns false if the pose is not known.
+
+        An unknown pose and too small a field of view make the rules errors.
+        """
         frame = bare(scan.header.frame_id)
         self._mount = self._tree.relative(self._base, frame)
         if self._mount is None:
@@ -99,7 +115,7 @@ class Scan:
         return True
 
     def finish(self) -> None:
-        """Checks at the end whether the lidar measured anything in all directions: rays may be dead, or blocked."""
+        """Makes rules errors if the lidar never measured anything in some directions: rays may be dead, or blocked."""
         if not self.source.messages:
             return  # that is an error already
         if not self._has_seen:

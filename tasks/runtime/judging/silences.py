@@ -11,7 +11,7 @@ class Source:
     """A source of measurements (topic) in a recording, with the longest time that it was silent."""
 
     def __init__(self, name: str, max_gap_s: float) -> None:
-        """Starts to listen at the beginning of the run.
+        """Prepares a topic whose silences are measured from the beginning of the run.
 
         Args:
             name: Name of the topic, for messages.
@@ -25,19 +25,19 @@ class Source:
         self.messages = 0
 
     def hear(self, time_s: float) -> None:
-        """Records that a topic has a message, and how long it was silent before."""
+        """Counts a message of a topic at a time in seconds; a too long silence before it makes rules errors."""
         self.messages += time_s >= 0
         self.look_back(time_s)
         self._last_s = max(self._last_s, time_s)
 
     def look_back(self, time_s: float) -> None:
-        """Records a silence that has become too long, before requirements use outdated measurements."""
+        """Makes the topic's rules errors if it has been silent for too long until a time in seconds."""
         if time_s - self._last_s > self._max_gap_s + ROUNDING_S:
             words = f"no message on {self.name} from {self._last_s:.2f} to {time_s:.2f} s"
             self._break(f"{words}, longer than max_gap_s ({self._max_gap_s:g} s), so something could have been missed")
 
     def finish(self, end_s: float) -> None:
-        """Records how long a topic was silent at the end of the run."""
+        """Makes the topic's rules errors if it was silent for too long at the run's end, or had no message at all."""
         if not self.messages and math.isfinite(self._max_gap_s):
             self._break(f"no message on {self.name} could be used")
         self.look_back(end_s)

@@ -37,7 +37,7 @@ class Measurements:
     """
 
     def __init__(self, bag: Bag, sources: RecordingSources, losses: Mapping[str, str] | None = None) -> None:
-        """Finds the topics of the measurements.
+        """Finds the topics of a ROS recording by which a robot is measured.
 
         Args:
             bag: The recording.
@@ -84,7 +84,12 @@ class Measurements:
         return topic == _TF or (self._topic_pose is not None and topic == self._topic_pose.source.name)
 
     def take(self, message: Message, time_s: float) -> None:
-        """Reads a message; before the beginning of the run, only poses are used."""
+        """Reads poses, lidar scans and contacts from a recorded message; before the run's beginning, only poses.
+
+        Args:
+            message: The message.
+            time_s: Time in the run, in seconds; negative before its beginning.
+        """
         topic = message.topic
         if topic == _TF:
             self._transforms.take(message, time_s, self._bag.path)
@@ -98,7 +103,7 @@ class Measurements:
             self._contacts.take(message, time_s)
 
     def look_back(self, time_s: float) -> None:
-        """Records which topics have been silent for too long."""
+        """Makes rules errors if a topic that they need has been silent for too long until a time in seconds."""
         for source in self._steady_sources():
             source.look_back(time_s)
         if self._contacts is not None:
@@ -131,7 +136,10 @@ class Measurements:
                 rule.fail(f"{topic}: {self._losses[topic]}, so something could have been missed")
 
     def _finish_limits(self, end_s: float) -> None:
-        """Makes time limits errors if the recording ends before them without a sign that the run was over."""
+        """Makes time limits errors that the recording ends before (`end_s`, in seconds), unless the run was over.
+
+        Goals that are all reached say so, and so does `ends_with_run` in the sources.
+        """
         rules = {id(rule): rule for pose in self._poses.values() for source in pose.sources for rule in source.rules}
         goals = [rule.is_reached for rule in rules.values() if rule.is_reached is not None]
         if self.sources.ends_with_run or (goals and all(goals)):
@@ -144,11 +152,11 @@ class Measurements:
                 )
 
     def note_reader(self, rule: Rule[Any], topic: str) -> None:
-        """Registers a rule that reads a topic and that a silent topic would satisfy."""
+        """Registers a rule that reads a topic, as a silent topic would satisfy it without being measured."""
         self._read.append((rule, topic))
 
     def remarks(self) -> list[str]:
-        """Returns notes on how the run was measured, for readers of the verdict."""
+        """Returns notes for readers of the verdict on how the run was measured, such as frames that may drift."""
         found = list(self._contacts.remarks()) if self._contacts else []
         for each in self._paired:
             if each.frame and each.frame != self.sources.map_frame:
@@ -235,7 +243,7 @@ class Measurements:
         return pairs.of(poses_in(transforms, chain, timed(_TF), path), poses_on(truths, timed(truth), path))
 
     def _paired_topic(self, rule: Rule[Any], topic: str, max_gap_s: float) -> PoseTopic:
-        """Finds a topic with poses for a rule that compares two.
+        """Returns the topic with poses that a rule compares with those of another.
 
         Raises:
             NotMeasuredError: The recording has no such topic, or its messages have no poses.
@@ -268,7 +276,7 @@ class Measurements:
         self._risen.append((rule, self.pose_of(rule)))
 
     def expect_end(self, rule: Rule[Any]) -> None:
-        """Registers a rule that is judged at the end of the run."""
+        """Registers a rule that is judged at the end of the run, for a check whether the recording has the end."""
         self._ending.append(rule)
 
     def is_ready(self, rule: Rule[Any]) -> bool:
@@ -303,7 +311,9 @@ class Measurements:
         return self._contacts.reader(rule, listed_names(self._bag, world, self.sources.robot or ""))
 
     def clearance(self, rule: Rule[Any]) -> Callable[[float], tuple[float, str] | None]:
-        """Makes a function that returns the distance to obstacles, measured by the lidar.
+        """Returns a function that measures the distance to obstacles in metres, from the lidar's scans, for a rule.
+
+        The function returns `None` if nothing is as near as it is asked about.
 
         Raises:
             NotMeasuredError: The recording has no scan, the robot's radius is unknown, or the rule names objects.
@@ -344,7 +354,10 @@ class Measurements:
 
     @cached_property
     def _chosen(self) -> tuple[Pose | None, str]:
-        """Returns the robot's pose, and the name of the frame in which it is given."""
+        """Returns the robot's pose, and the name of the frame in which it is given (empty: that of the topic).
+
+        The pose is `None` if the recording has no source for it.
+        """
         wanted, root = self.sources.pose, self.sources.map_frame
         if self._topic_pose is not None and wanted is not None:
             return self._topic_pose.pose, ""
@@ -366,7 +379,10 @@ class Measurements:
         return self._chosen[1]
 
     def _chain(self, root: str, frame: str) -> list[str] | None:
-        """Returns the chain of frames from a root to a frame; reads `/tf` ahead until it is complete."""
+        """Returns the chain of frames from a root to a frame; reads `/tf` ahead until it is complete.
+
+        Returns `None` if the whole recording does not connect them.
+        """
         while (found := self._tree.chain(root, frame)) is None:
             message = next(self._unseen, None)
             if message is None:
@@ -379,7 +395,10 @@ class Measurements:
         return f"{self._bag.path.name}: all frames from the map to {frame!r} are on {_TF_STATIC}, so it could not move"
 
     def _not_connected(self, *others: str) -> str:
-        """Makes the error text that `/tf` does not connect the robot to the map or to another frame."""
+        """Returns the error text that `/tf` does not connect the robot to the map or to another frame.
+
+        Raises an error if `/tf` has messages of several types.
+        """
         self._refuse_mixed(_TF)
         frames = ", ".join(sorted({*self._tree.parents, *self._tree.parents.values()})[:_MAX_SHOWN]) or "none"
         roots = " or ".join(map(repr, (self.sources.map_frame, *others)))
@@ -450,7 +469,10 @@ class Measurements:
 
 
 class TopicScene:
-    """Scene for judging requirements by a ROS recording instead of a physics simulation."""
+    """Scene for judging requirements by a ROS recording instead of a physics simulation; see `Scene`.
+
+    Measurements that a recording does not have raise `NotMeasuredError`.
+    """
 
     def __init__(
         self,
@@ -461,7 +483,7 @@ class TopicScene:
         *,
         calls_functions: bool,
     ) -> None:
-        """Creates the scene of a recording.
+        """Creates the scene in which requirements are measured on a ROS recording.
 
         Args:
             environment: Environment that replays the recording.
@@ -528,15 +550,15 @@ class TopicScene:
         return self._measurements.pose_pairs(rule, estimate, truth, self.environment.timed)
 
     def contacts(self, rule: Rule[Any]) -> Callable[[], Mapping[str, float]]:
-        """Makes a function that returns the contact forces (N) since its last call, by object."""
+        """Returns a function that returns the contact forces (N) recorded since its last call, by touched object."""
         return self._measurements.contacts(rule, self.world)
 
     def clearance(self, rule: Rule[Any]) -> Callable[[float], tuple[float, str] | None]:
-        """Makes a function that returns the smallest distance in metres since its last call."""
+        """Returns a function that returns the smallest recorded distance to obstacles in metres since its last call."""
         return self._measurements.clearance(rule)
 
     def function(self, rule: Rule[Any], attribute: str) -> Callable[..., Any]:
-        """Imports a predicate function of an installed package or of the job's applications.
+        """Imports and returns a predicate function of an installed package or of the job's applications.
 
         Raises:
             NotMeasuredError: Functions are not called here.
@@ -549,7 +571,10 @@ class TopicScene:
         return load_judging_function(self._plan, rule, attribute)
 
     def __getattr__(self, name: str) -> Any:
-        """Makes an error of requirements that need a measurement which recordings do not have."""
+        """Returns, for a measurement that recordings do not have, a function that raises `NotMeasuredError`.
+
+        Raises `AttributeError` for private names.
+        """
         if name.startswith("_"):
             raise AttributeError(name)
 

@@ -86,7 +86,10 @@ class DiskMeter:
         """Largest files with their sizes, the smallest of them first."""
 
     def look(self) -> bool:
-        """Continues the measurement; returns whether the limit is exceeded."""
+        """Continues the measurement of the run's folders for a short time; returns whether their limit is exceeded.
+
+        Returns false at once if there is no limit, or the last call was a moment ago.
+        """
         now = self._clock()
         if self._limit_bytes is None or now < self._next_look_s:
             return False
@@ -98,7 +101,7 @@ class DiskMeter:
         return self._used_bytes > self._limit_bytes
 
     def last_look(self) -> str | None:
-        """Measures all folders after the run; returns a message if the limit is exceeded."""
+        """Measures all folders after the run; returns a message if they ever exceeded the limit, else `None`."""
         if self._limit_bytes is None:
             return None
         self._begin()
@@ -170,7 +173,7 @@ def disk_meter(plan: RunPlan, processes: Callable[[], Iterable[int]] = tuple) ->
 
 
 def found_files(plan: RunPlan) -> FoundFiles:
-    """Records which files exist in a run's folders before anything runs, so that they do not count as outputs.
+    """Returns the size of the files that a run's folders have before anything runs, so that these are no outputs.
 
     Args:
         plan: Plan of the run.

@@ -13,7 +13,7 @@ _FLAGS = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
 
 
 def read_left(path: Path, most_bytes: int) -> bytes:
-    """Reads a regular file that untrusted code may have made: no links, no FIFOs, limited size.
+    """Returns the content of a regular file that untrusted code may have made: no links, no FIFOs, limited size.
 
     Args:
         path: Path of the file.
@@ -29,7 +29,7 @@ def read_left(path: Path, most_bytes: int) -> bytes:
 
 
 def open_left(path: Path, folder: int | None = None) -> BufferedReader:
-    """Opens a regular file that untrusted code may have made: no links, no FIFOs.
+    """Opens and returns a regular file that untrusted code may have made: no links, no FIFOs.
 
     Args:
         path: Path of the file.
@@ -56,7 +56,7 @@ _FOLDER = os.O_DIRECTORY | os.O_CLOEXEC
 
 
 class HeldFile(NamedTuple):
-    """A file on disk: size in bytes on the disk, path and time of last change."""
+    """A file that takes space on a disk: its size there in bytes, path, time of last change (s), and device."""
 
     size_bytes: int
     """Space on the disk in bytes; holes of sparse files do not count."""
@@ -134,7 +134,10 @@ def _size_of(about: os.stat_result) -> int:
 
 
 def _open(path: str, flags: int) -> int:
-    """Opens a folder; if this user's permissions on an own folder are missing, they are added."""
+    """Opens a folder and returns its file descriptor; missing permissions of this user on an own folder are added.
+
+    Raises `OSError` if it cannot be opened.
+    """
     place = _open_long_path(path, flags)
     try:
         try:
@@ -148,7 +151,10 @@ def _open(path: str, flags: int) -> int:
 
 
 def _open_long_path(path: str, flags: int) -> int:
-    """Opens a folder as a file descriptor, even if its path is too long for the kernel."""
+    """Opens a folder as a file descriptor for its place only, even if its path is too long for the kernel.
+
+    Raises `OSError` if it cannot be opened.
+    """
     try:
         return os.open(path, os.O_PATH | _FOLDER | flags)
     except OSError as error:

@@ -28,7 +28,7 @@ _OTHER_FORKS = 512
 
 @dataclass(frozen=True)
 class Excess:
-    """An exceeded resource limit (memory, processes, disk, ...) of a run."""
+    """An exceeded resource limit of a run as text, and the process session that is to blame."""
 
     text: str
     """Message with the limit and the use."""
@@ -38,7 +38,9 @@ class Excess:
 
 
 def confine(limits: ComputeLimits, cores: list[int] | None) -> None:
-    """Applies the run's limits that the kernel enforces to this process and its children.
+    """Applies the run's limits that the kernel enforces (cores, priority, processes) to this process and its children.
+
+    Core dumps are turned off, and the kernel chooses these processes first when memory runs out.
 
     Args:
         limits: Limits of the run.
@@ -88,7 +90,11 @@ class Meter:
         self._scales = _Scales()
 
     def look(self) -> Excess | None:
-        """Measures, and returns the limit that is exceeded, if any."""
+        """Measures the processes, threads and memory of this process's descendants, and returns the exceeded limit.
+
+        Returns `None` if none is exceeded. Sets the time until the next measurement, shorter if many processes were
+        started.
+        """
         states = []
         count = 0
         limit = self._limits.processes
@@ -105,7 +111,7 @@ class Meter:
         return self._memory_excess(states)
 
     def busiest_writer(self) -> int:
-        """Returns the process session that has written most to disk; 0 if none is left."""
+        """Returns the process session below this process that has written most to disk; 0 if none is left."""
         states = [state for state in descendants_of(os.getpid()) if state.pid not in self._others]
         return _most(states, {state.pid: written_bytes(state.pid) for state in states}) if states else 0
 
@@ -144,7 +150,11 @@ class _Scales:
         """Measured memory of the first processes in `_states`, in bytes."""
 
     def weigh(self, states: list[ProcessState]) -> Weighed | None:
-        """Returns the measured memory of processes, perhaps slightly outdated; `None` while it is unknown."""
+        """Returns measured processes and the memory of each in bytes, perhaps slightly outdated; `None` while unknown.
+
+        The exact measurement goes on in a thread; if it takes too long while processes are started, estimates are
+        returned.
+        """
         if self._thread is None:
             self._began_s = time.monotonic()
             self._states = sorted(states, key=lambda state: state.resident_bytes, reverse=True)
@@ -168,7 +178,7 @@ class _Scales:
 
 
 def estimated_bytes(states: list[ProcessState], exact: list[int]) -> dict[int, int]:
-    """Estimates the memory of processes in bytes when only some of them have been measured exactly.
+    """Returns the memory of processes in bytes, by process id, estimated where it was not measured exactly.
 
     The process that is being measured may never be finished, and counts with its maximum. The others are assumed to
     share as much memory as those before them: of hundreds of forks of one process, each has its resident memory, but
@@ -191,7 +201,12 @@ def _exact_bytes(state: ProcessState) -> int:
 
 
 def _most(states: list[ProcessState], use: dict[int, int]) -> int:
-    """Returns the session whose processes together use the most memory."""
+    """Returns the session whose processes together have the largest use.
+
+    Args:
+        states: The processes; at least one.
+        use: Use of each process, by its id, such as bytes of memory or number of threads.
+    """
     totals: dict[int, int] = {}
     for state in states:
         totals[state.session] = totals.get(state.session, 0) + use[state.pid]

@@ -46,7 +46,7 @@ def redirect_output(output_dir: Path) -> None:
 
 
 def program_logs(program: str) -> tuple[str, str]:
-    """Returns the log file names of one of the run's programs: standard output, standard error."""
+    """Returns the log file names of one of the run's programs: for standard output, and for standard error."""
     stem = program[:_MAX_STEM_CHARACTERS]
     return f"{stem}.{STDOUT_LOG}", f"{stem}.{STDERR_LOG}"
 
@@ -116,11 +116,11 @@ class CappedLog:
             os.write(self.descriptor, f"robomaker: {text}\n".encode())
 
     def look(self) -> None:
-        """Cuts the log back if it has become too long."""
+        """Removes the middle of the log if it has become too long."""
         self._cut_beyond(_SLACK_BYTES)
 
     def close(self) -> None:
-        """Cuts the log back a last time; no process may write to it any more."""
+        """Cuts the log back a last time, and closes it; no process may write to it any more."""
         self._cut_beyond(MAX_END_BYTES)
         os.close(self.descriptor)
 
@@ -135,7 +135,10 @@ class CappedLog:
             self._cut(size, self._kept_bytes)
 
     def _cut(self, size: int, length: int, remark: bytes = b"") -> None:
-        """Removes the middle of the log and keeps its beginning and end, with a remark in between."""
+        """Removes the middle of the log and keeps its beginning (`length` bytes) and end, with a remark in between.
+
+        Does nothing if the disk is full.
+        """
         end = self._end(max(length, size - MAX_END_BYTES), size)
         if remark:
             self._write_at(length, remark)
@@ -161,7 +164,7 @@ class CappedLog:
 
 
 def add_note(output_dir: Path, text: str) -> None:
-    """Appends a note of the runtime to the run's error log."""
+    """Appends a line of the runtime to the run's error log; it is lost if the log cannot be written."""
     folder = output_dir / LOG_FOLDER
     flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK
     with suppress(OSError):  # the application may have put anything there
@@ -171,7 +174,7 @@ def add_note(output_dir: Path, text: str) -> None:
 
 
 def note_screens(plan: RunPlan) -> None:
-    """Writes to the log that a program's graphical screen is not shown, if the request asked for one."""
+    """Writes to the run's error log that a program's graphical screen is not shown, if the request asked for one."""
     if plan.live_view_port is not None and not plan.has_episode:
         add_note(
             plan.output_dir,

@@ -61,7 +61,7 @@ def come_first() -> None:
 
 
 def process_state(pid: int) -> ProcessState | None:
-    """Reads the state of a process; `None` if there is no such process."""
+    """Returns the state of a process (parent, threads, memory) from `/proc`; `None` if there is no such process."""
     try:
         text = Path(f"/proc/{pid}/stat").read_bytes()
     except OSError:
@@ -102,7 +102,7 @@ def proportional_bytes(pid: int) -> int | None:
 
 
 def written_bytes(pid: int) -> int:
-    """Returns how many bytes a process and its reaped children have written (`wchar`, proc(5))."""
+    """Returns the bytes that a process and its reaped children have written (`wchar`, proc(5)); 0 if it is gone."""
     with suppress(OSError):
         for line in Path(f"/proc/{pid}/io").read_bytes().splitlines():
             if line.startswith(b"wchar:"):
@@ -111,7 +111,7 @@ def written_bytes(pid: int) -> int:
 
 
 def children_of(pid: int) -> list[int]:
-    """Returns the ids of a process's direct children, zombies included."""
+    """Returns the ids of a process's direct children, zombies included; none if the process is gone or not readable."""
     try:
         threads = os.listdir(f"/proc/{pid}/task")  # noqa: PTH208 - a list of names, four times faster
         lists = [Path(f"/proc/{pid}/task/{thread}/children").read_bytes() for thread in threads]
@@ -125,7 +125,7 @@ def children_of(pid: int) -> list[int]:
 
 
 def descendants_of(pid: int) -> Iterator[ProcessState]:
-    """Yields all processes below a process, parents first."""
+    """Yields the states of all processes below a process, each after its parent, without the process itself."""
     waiting = children_of(pid)
     while waiting:
         child = waiting.pop()

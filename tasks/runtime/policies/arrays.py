@@ -48,12 +48,12 @@ class ObservedArrays:
         """Total number of values in all arrays."""
 
     def read(self, observation: Any) -> Observed:
-        """Copies the arrays of an observation to a dictionary by name."""
+        """Returns copies of the arrays of an observation, by name."""
         values = dict(_leaves(observation))
         return {name: _as_numbers(values[name], spec) for name, spec in self.specs.items()}
 
     def vector(self, observed: Observed) -> NDArray[Any]:
-        """Returns all numbers of an observation as one vector."""
+        """Returns all numbers of an observation, array after array, as one vector."""
         rows = [observed[name].reshape(-1) for name in self.specs]
         return np.concatenate(rows) if rows else np.zeros(0)
 
@@ -95,7 +95,7 @@ def single_action(spec: Any, policy: str) -> specs.Array:
 
 
 def checked_action(action: Any, spec: specs.Array, giver: str) -> NDArray[Any]:
-    """Checks a policy's action, and converts it to the environment's type.
+    """Checks a policy's action, converts it to the environment's type, and returns it.
 
     Args:
         action: The action.

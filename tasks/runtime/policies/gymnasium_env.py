@@ -88,7 +88,12 @@ class RobotEnv(gymnasium.Env[Any, NDArray[Any]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observed, dict[str, Any]]:
-        """Starts an episode; a seed gives the same episode as in a simulation job."""
+        """Starts an episode, and returns its first observation and an empty dictionary.
+
+        Args:
+            seed: Makes the episode the same as in a simulation job with this seed; absent: one is drawn.
+            options: Ignored.
+        """
         super().reset(seed=seed, options=options)
         if seed is None:
             seed = int(self.np_random.integers(_SEEDS))
@@ -104,7 +109,7 @@ class RobotEnv(gymnasium.Env[Any, NDArray[Any]]):
         return self._arrays.read(timestep.observation), {}
 
     def step(self, action: NDArray[Any]) -> tuple[Observed, float, bool, bool, dict[str, Any]]:
-        """Does one control step.
+        """Does one control step; returns observation, reward, whether the episode ended or was cut short, and facts.
 
         Raises:
             RobotProgramError: The action does not fit the environment's action spec, or is not finite.
@@ -121,7 +126,7 @@ class RobotEnv(gymnasium.Env[Any, NDArray[Any]]):
         return observed, reward, not is_truncated, is_truncated, self._result()
 
     def close(self) -> None:
-        """Closes the environment."""
+        """Closes the wrapped environment; no episode can be started afterwards."""
         self._environment.close()
 
     def _is_out_of_time(self) -> bool:
@@ -137,7 +142,16 @@ class RobotEnv(gymnasium.Env[Any, NDArray[Any]]):
 def _context(
     world: Path | str | None, robot: Path | str, time_limit_s: float | None, variables: Mapping[str, str]
 ) -> SimulationContext:
-    """Returns the context that a job's factory functions would get, without an output folder."""
+    """Returns the context that a job's factory functions would get, without an output folder or a recording.
+
+    Raises `ConfigurationError` if the world's folder has no world file.
+
+    Args:
+        world: Folder of the world's bundle; `None`: no world.
+        robot: Name of a robot, or path of a `robot.yaml`.
+        time_limit_s: Time limit of an episode in simulated seconds; `None`: the environment's default.
+        variables: Environment variables of the job.
+    """
     world_dir = Path(world).absolute() if world is not None else None
     if world_dir is not None and not (world_dir / WORLD_FILE).is_file():
         raise ConfigurationError(f"world: {world_dir} has no {WORLD_FILE}; give the folder of a world's bundle")

@@ -66,7 +66,10 @@ class OnnxPolicy:
         self._output = self._action_output(action)
 
     def __call__(self, observed: Observed) -> NDArray[Any]:
-        """Runs the network on an observation, and returns the action."""
+        """Runs the network on an observation, and returns the action.
+
+        Raises `RobotProgramError` if it cannot be computed.
+        """
         feed = {each.name: self._fed(each, each.read(observed)) for each in self._inputs}
         try:
             return np.asarray(self._session.run([self._output], feed)[0])

@@ -80,7 +80,10 @@ class PolicyAgent:
 
 
 def _callable(reference: PolicyReference, folder: Path | None, root: Path | None) -> Policy:
-    """Imports the callable that a policy names; a class is instantiated first."""
+    """Imports and returns the callable that a policy names; a class is instantiated first.
+
+    Raises `LoadError` if it cannot be imported, or the instance cannot be called.
+    """
     assert reference.attribute is not None
     try:
         if reference.module is not None:
@@ -119,7 +122,9 @@ def _attribute_of_file(path: Path, attribute: str, folder: Path | None) -> Calla
 
 
 def _file(reference: PolicyReference, folder: Path | None, root: Path | None) -> Path:
-    """Returns the path of a policy's file.
+    """Returns the path of a policy's file in a robot application's folder, or, if it is absolute, below a root folder.
+
+    `None` as the root is `/`. Links that lead out of the folder count as absent.
 
     Raises:
         LoadError: The policy's file does not exist.

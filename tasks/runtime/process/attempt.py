@@ -45,14 +45,17 @@ _SAY_ALL = LoadError | LaunchError | RobotProgramError
 
 
 def report_failure(error: BaseException, plan: RunPlan, progress: Progress) -> None:
-    """Writes an error's traceback to the error log, and its short form to memory shared with the supervisor."""
+    """Writes an error's traceback to the error log, and its short form to memory shared with the supervisor.
+
+    Deletes `result.json`, as a failed run has none.
+    """
     log_failure(error)
     progress.write_report(report_of(error, progress))
     (plan.output_dir / RESULT_FILE).unlink(missing_ok=True)
 
 
 def log_failure(error: BaseException) -> None:
-    """Writes an error's traceback to the error log."""
+    """Writes an error's traceback, from the application's code on, to standard error; a failure to do so is ignored."""
     trace = _without_runtime(error.__traceback__)
     with suppress(Exception):  # the disk may be full, and the application may have closed or replaced the stream
         if isinstance(error, _SAY_ALL) and error.__cause__ is None:
@@ -62,7 +65,12 @@ def log_failure(error: BaseException) -> None:
 
 
 def report_of(error: BaseException, progress: Progress) -> dict[str, Any]:
-    """Converts an error to the report that the supervisor receives."""
+    """Converts an error to the report that the supervisor receives: its text, the phase at fault, and its failure code.
+
+    Args:
+        error: Error that ended the run.
+        progress: Phase that the run had reached.
+    """
     faults = {RecordingError: Phase.FINISHING, RequirementError: Phase.JUDGING}
     phase = next((phase for kind, phase in faults.items() if isinstance(error, kind)), progress.phase)
     if isinstance(error, LaunchError) and error.failure_code.startswith("RobotApplication"):
@@ -86,7 +94,7 @@ def _describe(error: BaseException, trace: TracebackType | None) -> str:
 
 
 def _without_runtime(trace: TracebackType | None) -> TracebackType | None:
-    """Removes the leading frames of this package from a traceback, so that it begins in an application's code."""
+    """Returns a traceback without this package's leading frames, so that it begins in an application's code."""
     start = trace
     while start is not None and _is_of_runtime(start.tb_frame.f_code.co_filename):
         start = start.tb_next
@@ -196,7 +204,7 @@ def attempt(run: RunRequest, progress: Progress, stop: Stop) -> None:
 
 
 def recording_findings(episode: Episode, recorder: Recorder) -> Findings:
-    """Adds a remark to the result if an environment records topics itself but has recorded none.
+    """Returns findings with a remark if an environment records topics itself but has recorded none; else empty ones.
 
     Args:
         episode: Outcome of the simulation loop.
@@ -208,7 +216,10 @@ def recording_findings(episode: Episode, recorder: Recorder) -> Findings:
 
 
 def watched_environment(environment: Any, progress: Progress) -> Any:
-    """Wraps an environment to note in shared memory whether it judges its run, in case the process dies."""
+    """Returns an environment unchanged, after noting in shared memory whether it judges its run.
+
+    The supervisor reads that if the process dies.
+    """
     if isinstance(environment, ReportingEnvironment) or hasattr(environment, "requirements"):
         progress.begin_to_judge()
     return environment
@@ -219,7 +230,7 @@ def contexts_of(
 ) -> tuple[SimulationContext, SimulationContext]:
     """Makes the contexts for the factories of environment and agent, each with its application's variables.
 
-    In each, the application's own variables replace those of the other.
+    In each, the application's own variables replace those of the other. The world is `None` for a run without one.
     """
     simulation, robot = applications_of(plan)
     context = SimulationContext(
@@ -255,7 +266,7 @@ def _remote_robot(plan: RunPlan, stop: Stop, bridge: RosBridge | None) -> Remote
 
 
 def applications_of(plan: RunPlan) -> tuple[ApplicationPlan, ApplicationPlan]:
-    """Returns the applications that make the environment and the agent of a run."""
+    """Returns the applications that make the environment and the agent of a run: the plan's, else built-in ones."""
     simulation = plan.simulation_application or BUILT_IN_ENVIRONMENT
     if (simulation.attribute or "").startswith(f"{_RECORDED_RUN}."):
         return simulation, RECORDED_AGENT  # the robot has driven already
@@ -263,7 +274,7 @@ def applications_of(plan: RunPlan) -> tuple[ApplicationPlan, ApplicationPlan]:
 
 
 def factory_of(application: ApplicationPlan) -> Callable[..., Any]:
-    """Imports the factory function of an application that is no separate program.
+    """Imports and returns the factory function of an application that is no separate program.
 
     Raises:
         LoadError: The function cannot be imported.

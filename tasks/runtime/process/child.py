@@ -34,7 +34,8 @@ def run_child(run: RunRequest, progress: Progress) -> int:
         progress: Memory for the run's progress and final report.
 
     Returns:
-        The process's exit code: 0 when the run ended as a run should.
+        The process's exit code: 0 if the run ended as a run should, else 1. Errors are not raised: their tracebacks are
+        written to the error log, and their short form to `progress`.
     """
     stop = _StopSignal(progress)
     try:
@@ -75,7 +76,10 @@ class _StopSignal:
 
 
 def _take_on(run: RunRequest) -> None:
-    """Sets the process's folder, environment variables, import path and seeds for a run."""
+    """Makes this process that of a run: replaces its environment variables, folder, import path and random seeds.
+
+    If the run asks for it, also the clock and other sources of chance are held.
+    """
     os.environ.clear()
     os.environ.update(run.environment)
     os.chdir(run.plan.work_dir)
@@ -89,7 +93,11 @@ def _take_on(run: RunRequest) -> None:
 
 
 def _carry_out(run: RunRequest, progress: Progress, stop: _StopSignal) -> None:
-    """Runs the simulation from its last checkpoint if there is one, else from its start."""
+    """Runs the simulation, or its trials, from the last checkpoint if there is one, else from the start.
+
+    A checkpoint that cannot be used is deleted, and the run begins anew. Raises `RunTakenError` if another process runs
+    it.
+    """
     if run.plan.trials is not None:
         run_trials(run, progress, stop)
         return

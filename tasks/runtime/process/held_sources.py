@@ -28,7 +28,7 @@ MARK_VARIABLE = "ROBOMAKER_HELD_MARK"
 """Environment variable with the path of a file, to which each process adds what it holds and what it uses."""
 
 _BEGIN_NS = 946_684_800 * 10**9
-"""The year 2000."""
+"""Beginning of the held clock in nanoseconds since 1970: the year 2000."""
 _LOOK_NS = 100_000
 """Nanoseconds from one look at the held clock to the next: a budget of milliseconds ends after tens of looks."""
 _BEHIND_NS = 5 * 10**9
@@ -36,7 +36,7 @@ _BEHIND_NS = 5 * 10**9
 _TURN_S = 1.0
 """Seconds that a thread keeps the interpreter, instead of 5 ms; few compute longer without waiting for something."""
 _CLIENT = os.sep + "agent_client.py"
-"""The client of this package, which looks at the clock to end waiting."""
+"""End of the path of this package's robot client, which looks at the clock to end waiting."""
 _DRAWS = (
     *("random", "uniform", "gauss", "normalvariate", "choice", "choices", "shuffle", "sample", "randint", "randrange"),
     *("getrandbits", "triangular", "betavariate", "expovariate", "lognormvariate"),
@@ -77,7 +77,7 @@ def hold(sources, seed, outside=()):
 
 
 class _Code:
-    """Tells the code of applications from that of Python and of this package."""
+    """Decides by the path of a source file whether it is code of an application, not of Python or of this package."""
 
     def __init__(self, outside):
         self._library = _standard_library()
@@ -89,7 +89,7 @@ class _Code:
 
 
 class _Notes:
-    """Sources that were used, each written down when it is used first: programs may end without warning."""
+    """Sources of chance that were used, each written to the rerun's file at its first use, before a sudden end."""
 
     def __init__(self):
         self._noted = set()
@@ -101,7 +101,10 @@ class _Notes:
 
 
 def _watch_calls(notes):
-    """Notes threads, network, names that only one process can have, and files that outlive a program."""
+    """Notes, from now on, threads, network, names that only one process can have, and files that outlive a program.
+
+    Installs an audit hook, and replaces the functions that start threads.
+    """
     kept = (*_SHARED_FOLDERS, os.path.expanduser("~") + os.sep)
 
     def on_event(event, words):
@@ -137,7 +140,10 @@ def _noting_threads(begin, notes):
 
 
 def _replace_randomness(seed, code, notes):
-    """Replaces the system's randomness, also where Python seeds its generators with it; without a seed watches it."""
+    """Replaces the system's randomness by numbers drawn from a seed, also where Python seeds its generators with it.
+
+    Without a seed (`None`) it is only watched. Uses are noted.
+    """
     draw, unseeded = random.Random(seed).getrandbits, [0]
     system = os.urandom
 
@@ -171,7 +177,10 @@ def _replace_randomness(seed, code, notes):
 
 
 def _replace_devices(urandom, is_held):
-    """Replaces files that are the system's randomness."""
+    """Replaces `open`, so that files that are the system's randomness give bytes of `urandom` if it is held.
+
+    If it is not held, reading them is only noted.
+    """
     real = io.open
 
     def open_file(file, mode="r", *words, **named):
@@ -208,7 +217,10 @@ class _Clock:
         self._real_begin = self._real()
 
     def read(self, depth=2):
-        """Returns the nanoseconds since the clock began; None for code that sees the real clock."""
+        """Returns nanoseconds since the clock began, which grow with each look; None for code that sees the real clock.
+
+        That is code outside the application, and all code if the clock is not held. A look is noted.
+        """
         file = sys._getframe(depth).f_code.co_filename
         if not self._code.is_of_application(file):
             return None
@@ -227,7 +239,7 @@ class _Clock:
 
 
 def _replace_functions(clock):
-    """Replaces the functions of the module `time`."""
+    """Replaces the functions of the module `time`, so that the application's code sees the held clock."""
 
     def held(real, begin_ns, per_unit):
         def look(*which):
@@ -256,7 +268,7 @@ def _replace_functions(clock):
 
 
 def _of_now(clock, real):
-    """Replaces a function of the module `time` whose argument is now, if it is left out."""
+    """Returns a function like one of `time` that formats or splits a time; left out, it is the held clock's."""
 
     def convert(seconds=None):
         elapsed = clock.read() if seconds is None else None
@@ -266,7 +278,7 @@ def _of_now(clock, real):
 
 
 def _replace_dates(clock):
-    """Replaces the classes of the module `datetime` that know what day it is."""
+    """Replaces the classes of the module `datetime` that know what day it is, so that they use the held clock."""
     date, moment = datetime.date, datetime.datetime
 
     class OfDates(type):
@@ -311,7 +323,10 @@ def _standard_library():
 
 
 def hold_as_asked():
-    """Holds in this program what its environment variables ask for, once its hashes are held."""
+    """Holds in this program the sources of chance that its environment variables ask for, and notes them for the rerun.
+
+    Starts the program anew first if its hashes have to be held; does nothing outside of reruns.
+    """
     if not os.environ.get(MARK_VARIABLE):
         return
     sources = [word for word in os.environ.get(HELD_VARIABLE, "").split(",") if word]
@@ -322,7 +337,7 @@ def hold_as_asked():
 
 
 def mark(sources):
-    """Says in the file of the rerun what this process holds."""
+    """Writes into the file of the rerun which sources of chance this process holds."""
     _write("held " + ",".join(sources))
 
 
@@ -335,7 +350,10 @@ def _write(line):
 
 
 def _holds_hashes():
-    """Begins this program anew if its hashes or addresses are drawn by chance; false if that cannot be done."""
+    """Starts this program anew, with fixed hashes and addresses, if they are drawn by chance, and then does not return.
+
+    Returns true if both are fixed already. If the program cannot be started anew, returns whether hashes are fixed.
+    """
     is_fixed = sys.flags.hash_randomization == 0
     if is_fixed and not _fix_addresses():
         return True
@@ -350,7 +368,7 @@ def _holds_hashes():
 
 
 def _fix_addresses():
-    """Has programs that this process executes begin at the same addresses; false if they do already, or cannot."""
+    """Makes programs that this process executes begin at the same addresses; false if they do already, or cannot."""
     try:
         import ctypes
 
@@ -363,7 +381,7 @@ def _fix_addresses():
 
 
 def _make_room():
-    """Lets the `sitecustomize` be imported that this file has hidden, if there is one."""
+    """Imports the `sitecustomize` that this file has hidden, if there is one; else this file stays in its place."""
     here = os.path.dirname(os.path.abspath(__file__))
     kept, own = sys.path[:], sys.modules.pop("sitecustomize")
     sys.path[:] = [entry for entry in kept if os.path.abspath(entry or ".") != here]

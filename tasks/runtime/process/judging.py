@@ -36,7 +36,7 @@ class _NeverStopped:
 
 
 def judge(request: JudgingRequest) -> RunResult:
-    """Judges the recording of a run by its requirements.
+    """Judges the recording of a run by its requirements, and returns the result.
 
     Args:
         request: Recording and requirements.
@@ -62,7 +62,11 @@ def judge(request: JudgingRequest) -> RunResult:
 
 
 def main() -> int:
-    """Entry point of a child process that judges a recording; returns the exit code."""
+    """Entry point of a child process that judges a recording; ends with its parent, and limits its own memory.
+
+    Reads the request as JSON from standard input and writes the result as JSON to standard output. Returns the exit
+    code: 1 if judging failed, with the reason on standard error, else 0.
+    """
     die_with_parent()
     resource.setrlimit(resource.RLIMIT_AS, (_MEMORY_BYTES, _MEMORY_BYTES))
     request = JudgingRequest.model_validate_json(sys.stdin.read())

@@ -38,7 +38,7 @@ class PathNote(Observer):
     """Observer that writes the robot's path to a file for the live view, at most twice a second."""
 
     def __init__(self, work_dir: Path, clock: Callable[[], float] = time.monotonic) -> None:
-        """Creates the path file's writer.
+        """Prepares to write the robot's path to a file for the live view.
 
         Args:
             work_dir: Work folder of the run.
@@ -52,7 +52,10 @@ class PathNote(Observer):
         self._due_s = clock() + _WRITE_EVERY_S
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Appends the robot's current position to the path file of the live view."""
+        """Notes the robot's current position for the live view's path file, which is written now and then.
+
+        Positions become rarer in long runs; without a robot body nothing is noted.
+        """
         self.next_time_s = time_s + self._period_s
         model, data = raw_physics(environment.physics)
         if model is not self._model:
@@ -84,12 +87,12 @@ class EndAt(Observer):
         self.next_time_s = time_s
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Ends the rerun at the time at which the original run was stopped."""
+        """Ends the rerun, by raising `RunEnded`, at the time at which the original run was stopped."""
         del environment, time_s
         raise RunEnded("duration limit")
 
     def hear(self, state: bytes, time_s: float) -> None:
-        """Ends the rerun in an environment without physics."""
+        """Ends the rerun in an environment without physics, by raising `RunEnded`, once its time has come."""
         del state
         if time_s >= self.next_time_s - 5e-7:  # half a microsecond forgives rounding in sums of time steps
             self.watch(None, time_s)
@@ -107,7 +110,7 @@ def make_observers(
         plan: Plan of the run.
         video_backend: Name of the rendering backend; None: no video.
         applications: Applications that make environment and agent, built-in ones included.
-        actions: See `ProvenanceRecorder`.
+        actions: Function that summarises a robot program's action log at the end; None: the robot is no program.
     """
     found: list[Observer] = [ProvenanceRecorder(plan, applications, actions), FailureRecorder(plan.output_dir)]
     if plan.video != "none":  # also for videos that are made afterwards (`failure_videos`)

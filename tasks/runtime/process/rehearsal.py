@@ -38,7 +38,8 @@ _HALF_M = 3.0
 def rehearsal_room() -> Iterator[Path | None]:
     """Creates a temporary folder with a small world for warming up; `None` if it cannot be written.
 
-    Folders that killed processes left behind are deleted; the processes that use a folder hold a lock on it.
+    Folders that killed processes left behind are deleted; the processes that use a folder hold a lock on it. The
+    new one is deleted at the end of the `with` block.
     """
     folder, lock = None, None
     try:
@@ -68,6 +69,7 @@ def rehearse(room: Path | None, has_run: HasRun, is_idle: Callable[[], bool] | N
     """Warms up an idle process: runs one simulation step so that imports and caches are ready for a run.
 
     Nothing is done while the processors are busy. Errors are ignored: the run will fail in the same way, and report it.
+    Nothing is done without a folder, either. The simulation's work folder is deleted afterwards.
 
     Args:
         room: Folder with the small world, from `rehearsal_room`.

@@ -27,7 +27,7 @@ def make_room() -> tuple[Path, int]:
 
 
 def left_rooms() -> list[Path]:
-    """Lists this user's warm-up folders whose process was killed."""
+    """Lists this user's warm-up folders whose process was killed; they are not locked any more when this returns."""
     return list(_left())
 
 
@@ -46,7 +46,7 @@ def remove_left_rooms() -> list[Path]:
 
 
 def _left() -> Iterator[Path]:
-    """Yields each warm-up folder whose process was killed, while holding its lock."""
+    """Yields each warm-up folder of this user whose process was killed, while holding its lock; skips those in use."""
     for left in sorted(Path(tempfile.gettempdir()).glob(f"{_PREFIX}*")):
         with suppress(OSError):  # it is in use, another user's, or has just been removed
             about = left.lstat()

@@ -27,7 +27,7 @@ class JointStateWatcher(Observer):
         self._series: StateSeries | None = None
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Records the positions, velocities and efforts of the model's hinge and slide joints."""
+        """Records the positions, velocities and efforts of the model's hinge and slide joints at the present time."""
         model, data = raw_physics(environment.physics)
         series = self._series
         if series is None or data is not series.data:
@@ -120,7 +120,7 @@ def run_episode(
 
 
 class _Loop:
-    """State of one episode of the simulation loop."""
+    """State of one episode of the simulation loop (steps, time, stop reason), with the loop itself."""
 
     def __init__(
         self,
@@ -196,12 +196,12 @@ class _Loop:
             self._wall_time_s = self._earlier_s + self._wall_clock() - began
 
     def _resume(self, state: LoopState) -> dm_env.TimeStep:
-        """Restores environment, agent and counters from a checkpoint of an earlier attempt."""
+        """Restores the counters from a checkpoint of an earlier attempt, and returns the time step to go on from."""
         self._steps, self._clock.time_s, self._earlier_s = state.steps, state.time_s, state.wall_time_s
         return state.timestep
 
     def annotate(self, error: Exception) -> None:
-        """Adds to an exception the phase of the run in which it was raised."""
+        """Adds a note to an exception that says in which step, and at which simulated time, it was raised."""
         if self._steps:
             time_s = self._clock.time_s
             error.add_note(f"in step {self._steps + 1}" + (f", at {time_s:.3f} s simulated" if time_s else ""))
@@ -270,7 +270,10 @@ class _SimulatedClock:
         self._steps = 0
 
     def tick(self) -> None:
-        """Updates the simulated time, and calls the observers that are due."""
+        """Takes over the simulated time in seconds from the physics, and calls the observers that are due.
+
+        Without physics no observer is called.
+        """
         if not self._has_physics:
             if self._gives_states:
                 self._hear()

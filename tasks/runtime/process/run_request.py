@@ -33,9 +33,10 @@ class RunRequest(Model):
 
 
 def sights_of_run(request: RunRequest) -> list[Sight]:
-    """Lists the files and folders that a run may see in its sandbox, besides those of the system.
+    """Returns the files and folders that a run may see in its sandbox, besides those of the system.
 
     Paths in environment variables count only if the service or its user has set them: a job cannot choose what it sees.
+    Creates the run's own folders if they are missing.
     """
     plan = request.plan
     paths = [*python_paths(request.import_path), *paths_in(plan.environment), *request.box.shown]

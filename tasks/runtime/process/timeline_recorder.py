@@ -52,7 +52,7 @@ class BoundedSeries(Generic[Value]):
             self._thin_out()
 
     def samples(self) -> list[tuple[float, Value]]:
-        """Returns times and values, those of the last sample included."""
+        """Returns the series as times in seconds and values, with its last sample if the value has changed."""
         found = [(round(time_s, _ROUNDING_DIGITS), value) for time_s, value, _ in self._samples]
         if self._last is not None and found and self._last[1] != found[-1][1]:
             found.append((round(self._last[0], _ROUNDING_DIGITS), self._last[1]))
@@ -78,7 +78,7 @@ class TimelineRecorder(Observer):
         requirements: RequirementsObserver,
         film: Callable[[], dict[str, FilmTimes]] = dict,
     ) -> None:
-        """Creates the recorder.
+        """Prepares to note a run's timeline, which `close` writes.
 
         Args:
             output_dir: Folder of the run's outputs.
@@ -95,7 +95,7 @@ class TimelineRecorder(Observer):
         self._time_s = 0.0
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Notes the margins and the lengths of the logs."""
+        """Notes the present margins of the requirements and the lengths of the logs, for the timeline."""
         del environment
         self.next_time_s = time_s + _PERIOD_S
         self._look(time_s)
@@ -116,7 +116,11 @@ class TimelineRecorder(Observer):
         self.next_time_s, self._margins, self._violated, self._mute, self._logs, self._time_s = state
 
     def close(self, ended_by: str | None) -> Findings:
-        """Writes `timeline.json`; its margins end with those of the result."""
+        """Writes `timeline.json` into the output folder; returns no findings.
+
+        Args:
+            ended_by: Reason why the run ended; `None`: it was cut short, and its last margins are not judged.
+        """
         self._note_lengths(self._time_s)
         if ended_by is not None:
             self._note_judged()

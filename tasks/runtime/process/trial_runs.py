@@ -60,7 +60,7 @@ class RenewableAgent(Protocol):
 
 
 def renews(part: RenewableEnvironment | RenewableAgent | None) -> bool:
-    """Returns whether an environment or agent can be reused for several trials: it has a method `renew`."""
+    """Returns whether an environment or agent has a method `renew` for several trials; false if there is none."""
     return callable(getattr(part, "renew", None))
 
 
@@ -225,7 +225,7 @@ def _row(trial: Trial, result: RunResult, episode: Episode, digest: StateDigestS
 
 
 def _broken(trial: Trial, report: Mapping[str, Any]) -> TrialRow:
-    """Makes the result row of a trial that ended with an exception."""
+    """Returns the result row of a trial that ended with an exception: verdict ERROR, reason and failure code."""
     role = Phase(report["phase"]).role
     return TrialRow(
         trial=trial.number,
@@ -288,7 +288,7 @@ def run_trials(run: RunRequest, progress: Progress, stop: Stop) -> None:
 
 
 def _in_its_environment(run: RunRequest, trial: Trial, play: Callable[[], _Row]) -> _Row:
-    """Calls a function with a trial's environment variables, and with the generators of Python and NumPy seeded.
+    """Calls a function with a trial's environment variables and with seeded generators, and returns its result.
 
     Environment variables and working directory are restored first, in case the trial before has changed them.
     """
@@ -306,7 +306,11 @@ def _in_its_environment(run: RunRequest, trial: Trial, play: Callable[[], _Row])
 
 
 def _record_some(run: RunRequest, trials: Trials, tally: Tally, stop: Stop) -> None:
-    """Runs some trials again with a recording: the requested ones, and the first that did not pass."""
+    """Runs some trials again with a recording: the requested ones, and the first ones that did not pass.
+
+    Replaces the folders of these trials. Once the job has to stop, the others are left out, and a note in the outputs
+    says so.
+    """
     plan = run.plan
     failed = tally.first_failing[: trials.record_failed]
     if not plan.record and plan.video == "none":
@@ -334,7 +338,10 @@ def _record_some(run: RunRequest, trials: Trials, tally: Tally, stop: Stop) -> N
 
 
 def _record(run: RunRequest, plan: RunPlan, stop: Stop) -> None:
-    """Runs one trial again as a separate recorded run; another failure of it does not fail the job."""
+    """Runs one trial again as a separate recorded run.
+
+    An error of it is noted in the outputs, and does not fail the job.
+    """
     try:
         attempt(run.model_copy(update={"plan": plan}), Progress(), stop)
     except Exception as error:

@@ -75,14 +75,14 @@ class WaitingRun:
         return True
 
     def begin(self) -> int:
-        """Starts the assigned run; returns the process id."""
+        """Starts the assigned run in the waiting process, and returns the process id."""
         with suppress(OSError):  # it has been killed, which its supervisor notices
             self._pipe.sendall(_BEGIN)
         self._pipe.close()
         return self.pid
 
     def dismiss(self, *, keep_box: bool = False) -> None:
-        """Ends the waiting process before its run begins, with its sandbox unless that is kept."""
+        """Kills the waiting process before its run begins, and ends its sandbox unless that is kept."""
         self._pipe.close()
         with suppress(ProcessLookupError):
             os.kill(self.pid, signal.SIGKILL)
@@ -92,7 +92,16 @@ class WaitingRun:
 
 
 def _become_run(pipe: socket.socket, run_child: RunChild, progress: Progress, rehearse: Rehearse) -> NoReturn:
-    """Waits in the forked child for a request, then runs the simulation and exits."""
+    """Waits in the forked child for a request, then confines the process, runs the simulation, and ends the process.
+
+    The exit code is that of `run_child`, or 0 if the pipe is closed without a request.
+
+    Args:
+        pipe: Socket on which the request comes.
+        run_child: Runs the simulation, and returns the exit code.
+        progress: Phase that the run has reached.
+        rehearse: Warms the process up; its argument waits, in seconds, and returns whether the request has come.
+    """
     code = _INTERNAL_ERROR
     try:
         rehearse(lambda wait_s: bool(select.select([pipe], [], [], wait_s)[0]))
@@ -112,7 +121,7 @@ def _become_run(pipe: socket.socket, run_child: RunChild, progress: Progress, re
 
 
 def _awaited_request(stream: BinaryIO) -> RunRequest | None:
-    """Receives the run request; None if this process gets no run."""
+    """Waits for the run request and the order to begin; None if this process gets no run."""
     line = stream.readline()
     if not line:
         return None

@@ -33,7 +33,7 @@ _AS = ', such as {"world": "map", "chassis": "base_link"}'
 
 
 class Mount(NamedTuple):
-    """Pose of a camera in the ROS frame that it is fixed to."""
+    """Pose of a camera in a ROS frame, and whether it is fixed to that frame or moves in it."""
 
     parent: str
     """Name of the frame that the camera is fixed to."""
@@ -80,7 +80,7 @@ def _is_text(value: object) -> bool:
 def find_mount(
     model: mujoco.MjModel, view: mujoco.MjvCamera, scene: mujoco.MjvScene, frames: Mapping[int, str]
 ) -> Mount:
-    """Determines the ROS frame that a camera is fixed to, and its pose there.
+    """Returns the ROS frame that a camera is fixed to, and the camera's pose there.
 
     The frame is that of the body that carries the camera, or of a body to which that one is rigidly fixed; else it is
     the world.
@@ -138,7 +138,7 @@ def transform_of(place: Any, turn: Any) -> ros.Transform:
 
 
 def _fixed_mount(model: mujoco.MjModel, camera: int, frames: Mapping[int, str]) -> Mount | None:
-    """Returns the ROS frame and pose of a camera with a rigid mount; None if the camera moves relative to its frame."""
+    """Returns the ROS frame and pose of a camera with a rigid mount; None if it moves relative to its frame."""
     if model.cam_mode[camera] != mujoco.mjtCamLight.mjCAMLIGHT_FIXED.value:
         return None
     # From the model's constants, so that it is the same whenever it is worked out.

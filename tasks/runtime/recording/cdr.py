@@ -22,7 +22,7 @@ _STORE = get_typestore(Stores.ROS2_HUMBLE)
 
 
 def encode(message: Message) -> bytes:
-    """Encodes a ROS message as CDR bytes with their encapsulation header.
+    """Returns a ROS message as CDR bytes with their encapsulation header.
 
     Raises:
         TypeError: The object is not one of the messages that can be recorded, or has parts that are not ROS's.
@@ -58,12 +58,12 @@ def is_known(ros_type: str) -> bool:
 
 
 def fields_of(ros_type: str) -> Sequence[tuple[str, tuple[Any, Any]]]:
-    """Returns the fields of a ROS message type: name and type description."""
+    """Returns the fields of a ROS message type, each with its name and the description of its type."""
     return _STORE.fielddefs[ros_type][1]
 
 
 def decode(data: bytes, ros_type: str) -> Any:
-    """Decodes a ROS message from CDR bytes.
+    """Returns the ROS message that CDR bytes hold.
 
     Raises:
         ValueError: The bytes are no such message.
@@ -322,7 +322,11 @@ class Series(Protocol):
         ...
 
     def take(self) -> tuple[Numbers, Sequence[Sequence[AnyNumbers]]]:
-        """Returns the data since the last call: simulated times, and for each topic a row of numbers a time."""
+        """Returns the data since the last call, and forgets it.
+
+        Returns:
+            Simulated times in seconds; and for each topic its arrays of numbers, a row for each time.
+        """
         ...
 
 
@@ -348,7 +352,7 @@ class RowEncoder:
     """Encodes many ROS messages of fixed size at once: one message on each channel for each time."""
 
     def __init__(self, columns: Sequence[tuple[int, Columns]]) -> None:
-        """Prepares the layout.
+        """Prepares the layout of rows of encoded ROS messages, one message for each channel.
 
         Args:
             columns: Channel number and message template of each message in a row.
@@ -370,7 +374,7 @@ class RowEncoder:
             self._single.append(_Single(item))
 
     def encode(self, times_s: Numbers, values: Sequence[Sequence[AnyNumbers]]) -> Rows:
-        """Encodes rows of numbers to messages; the result is valid until the next call.
+        """Returns the messages of rows of numbers, encoded; they are valid until the next call.
 
         Args:
             times_s: Simulated times of the rows, not negative.
@@ -395,7 +399,7 @@ class RowEncoder:
     def encode_one(
         self, time_s: float, values: Sequence[Sequence[Sequence[float]]], wanted: Iterable[int]
     ) -> list[bytes]:
-        """Encodes the messages of a single time; the bytes are the same as in a row.
+        """Returns the encoded messages of a single time; the bytes are the same as in a row.
 
         Args:
             time_s: Simulated time, not negative.

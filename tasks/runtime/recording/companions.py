@@ -112,7 +112,7 @@ def _plots(topics: Mapping[str, str]) -> list[Panel]:
 
 
 def _plot(title: str, paths: Mapping[str, str]) -> dict[str, Any]:
-    """Makes a Foxglove plot of message paths, by their labels."""
+    """Returns the description of a Foxglove plot of message paths, given by their labels."""
     lines = [
         {"value": path, "label": label, "enabled": True, "timestampMethod": "receiveTime", "color": colour}
         for (label, path), colour in zip(paths.items(), _COLOURS, strict=False)
@@ -130,7 +130,7 @@ def _plot(title: str, paths: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _raw(topics: Mapping[str, str]) -> list[Panel]:
-    """Makes a panel with the raw messages of the most informative topic."""
+    """Returns a Foxglove panel with the raw messages of the most informative topic; none without topics."""
     ranked = [topic for kind in (_POSES, _JOINTS) for topic, type_ in topics.items() if type_ == kind] or [*topics]
     return [("RawMessages!messages", {"topicPath": ranked[0]})] if ranked else []
 
@@ -140,7 +140,15 @@ def _stack(panels: Sequence[Panel], percentage: float | None = None) -> Any:
 
 
 def _split(parts: Sequence[Any], direction: str, percentage: float | None = None) -> Any:
-    """Arranges panels side by side or one below the other, in equal shares unless the first one's share is given."""
+    """Arranges panels side by side or one below the other, in equal shares unless the first one's share is given.
+
+    A single panel is returned as it is, and no panel is an empty text.
+
+    Args:
+        parts: The panels.
+        direction: `row` or `column`, as Foxglove has it.
+        percentage: Share of the first panel, in percent.
+    """
     if len(parts) < 2:
         return parts[0] if parts else ""
     return {
@@ -158,7 +166,7 @@ _LATCHED = frozenset({"/tf_static", "/goals", "/map", "/world", "/robot", "/robo
 
 
 class Offer(NamedTuple):
-    """Quality of service (QoS) with which a ROS topic is offered to subscribers."""
+    """Quality of service (QoS) of a ROS topic's publisher: latched, reliable, and number of messages that are kept."""
 
     is_latched: bool = False
     """Whether later subscribers get the last messages (QoS durability `transient_local`)."""
@@ -235,7 +243,7 @@ class RecordedTopic(NamedTuple):
     """Hash of the type, `RIHS01_…`."""
 
     messages: int
-    """Number of messages."""
+    """Number of the topic's messages in the recording."""
 
     offer: Offer | None = None
     """Quality of service (QoS) of the recorded topic; `None`: that of the simulation's topic of this name."""
@@ -261,7 +269,7 @@ _OFFERED = re.compile(r"^  (depth|reliability|durability): (\d+)$", re.MULTILINE
 
 
 def offer_in(noted: Mapping[str, str]) -> Offer:
-    """Reads a topic's quality of service from the metadata of `channel_metadata`."""
+    """Returns the quality of service that a topic's metadata in a recording names, with defaults for what is absent."""
     found = {name: int(number) for name, number in _OFFERED.findall(noted.get("offered_qos_profiles", ""))}
     return Offer(found.get("durability") == 1, found.get("reliability", 1) == 1, found.get("depth", 10))
 
@@ -297,5 +305,5 @@ def _topic(topic: RecordedTopic) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Quotes a name for YAML; applications may use any characters."""
+    """Returns a name quoted for YAML; applications may use any characters."""
     return "'" + text.replace("'", "''") + "'"

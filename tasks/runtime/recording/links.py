@@ -24,7 +24,7 @@ _XYZW = (1, 2, 3, 0)
 
 @dataclass(frozen=True)
 class Link:
-    """A robot's body with joints of its own, as a ROS link."""
+    """A robot's body that its own hinges and slides move, as a ROS link below the link of its parent."""
 
     body: int
     parent_frame: str
@@ -38,7 +38,7 @@ class Link:
 
 
 class Links:
-    """Moving bodies of one robot, as ROS links with transforms."""
+    """Bodies of one robot that joints move, as ROS links, with the poses of all of them for many times at once."""
 
     def __init__(self, model: mujoco.MjModel, base: int, base_frame: str, without: Iterable[int] = ()) -> None:
         """Finds the bodies that hinges and slides move, outwards from the base.
@@ -73,7 +73,7 @@ class Links:
 
     @property
     def frames(self) -> list[tuple[str, str]]:
-        """Frame names of each link's parent and of the link."""
+        """Pairs of ROS frame names, for each link: its parent's, and its own."""
         return [(link.parent_frame, link.frame) for link in self.links]
 
     @property
@@ -136,6 +136,6 @@ def _product(first: _Numbers, second: _Numbers) -> _Numbers:
 
 
 def _turned(turn: _Numbers, vectors: _Numbers) -> _Numbers:
-    """Rotates vectors by quaternions."""
+    """Returns vectors rotated by quaternions with w first, a row each."""
     across = 2.0 * np.cross(turn[:, 1:], vectors)
     return vectors + turn[:, :1] * across + np.cross(turn[:, 1:], across)

@@ -125,7 +125,7 @@ class McapFile:
         chunk_bytes: int,
         take_rows: Callable[[], Iterable[Rows]] = tuple,
     ) -> None:
-        """Writes the beginning of the file.
+        """Writes the beginning of an MCAP file to a stream.
 
         Args:
             stream: Stream to write to.
@@ -204,7 +204,7 @@ class McapFile:
             self._counts[channel] = self._counts.get(channel, 0) + len(column) // 2
 
     def state(self) -> dict[str, Any]:
-        """Writes pending messages, and returns the state to continue from in another process."""
+        """Writes pending messages to the file, and returns the state from which another process can continue it."""
         self.flush()
         return {
             "introductions": bytes(self._introductions),
@@ -240,7 +240,7 @@ class McapFile:
         return dict(self._counts), start_ns, end_ns
 
     def finish(self) -> None:
-        """Writes pending messages and the index section at the end of the file; the stream stays open."""
+        """Writes pending messages and the index section at the end of the MCAP file; the stream stays open."""
         self.flush()
         self._stream.write(_bytes_of(DataEnd(0)))
         start = self._stream.tell()
@@ -313,7 +313,7 @@ class Unbuffered:
     """Binary output stream without a buffer, so that finished chunks survive a killed process."""
 
     def __init__(self, path: Path, keep_bytes: int = 0) -> None:
-        """Opens a file, and cuts it after `keep_bytes` bytes.
+        """Opens a recording file for writing, and cuts it after `keep_bytes` bytes; creates or empties it if that is 0.
 
         Raises:
             OSError: The file is shorter than `keep_bytes`, or cannot be opened.
@@ -330,7 +330,7 @@ class Unbuffered:
         os.lseek(self._descriptor, keep_bytes, os.SEEK_SET)
 
     def write(self, data: bytes) -> int:
-        """Writes all of the bytes to the file, repeating partial writes."""
+        """Writes all of the bytes to the file, repeating partial writes, and returns their number."""
         view = memoryview(data)
         while view:
             written = os.write(self._descriptor, view)
@@ -339,11 +339,11 @@ class Unbuffered:
         return len(data)
 
     def tell(self) -> int:
-        """Returns the number of bytes in the file."""
+        """Returns the number of bytes that the file has, with those just written."""
         return self._position
 
     def close(self) -> None:
-        """Closes the file."""
+        """Closes the recording file; nothing is buffered that could be lost."""
         os.close(self._descriptor)
 
 
@@ -355,7 +355,7 @@ class Nowhere:
         return len(data)
 
     def tell(self) -> int:
-        """Returns 0 as the position of the stream."""
+        """Returns 0 as the position, however much was written."""
         return 0
 
     def close(self) -> None:

@@ -203,7 +203,7 @@ class CompressedImage(NamedTuple):
 
     header: Header
     format: str
-    """`jpeg` or `png`."""
+    """Format of the compressed image: `jpeg` or `png`."""
 
     data: bytes
 
@@ -215,7 +215,7 @@ class Image(NamedTuple):
 
     header: Header
     encoding: str
-    """`rgb8`, `32FC1` (metres) or `16UC1` (millimetres)."""
+    """Encoding of the pixels: `rgb8`, `32FC1` (metres) or `16UC1` (millimetres)."""
 
     pixels: NDArray[np.generic]
     """Pixels as an array of height x width (x channels), of the encoding's type."""
@@ -228,7 +228,7 @@ class PointCloud2(NamedTuple):
 
     header: Header
     points: NDArray[np.float32]
-    """Height x width x 3, metres."""
+    """Points of the cloud in metres, shape (height, width, 3)."""
 
     ROS_TYPE = "sensor_msgs/msg/PointCloud2"
 
@@ -269,7 +269,7 @@ class OccupancyGrid(NamedTuple):
     """Pose of the first cell's south-west corner."""
 
     data: bytes
-    """One int8 per cell: 0 is free, 100 occupied, -1 unknown."""
+    """Cells of the map, one int8 each: 0 is free, 100 occupied, -1 unknown."""
 
     ROS_TYPE = "nav_msgs/msg/OccupancyGrid"
 
@@ -298,7 +298,7 @@ class Marker(NamedTuple):
 
     header: Header
     ns: str
-    """Namespace; a marker replaces an earlier one with the same `ns` and `id`."""
+    """Namespace of the marker, which replaces an earlier one with the same `ns` and `id`."""
 
     id: int
     type: MarkerType

@@ -41,21 +41,24 @@ class Recorder:
     """Topics with messages; complete after the recorder is closed."""
 
     def announce(self, topic: str, kind: type) -> None:
-        """Records that a topic exists even if it never has a message."""
+        """Records that a topic exists even if it never has a message; this base class records nothing."""
 
     def write(self, topic: str, message: Any, time_s: float) -> None:
-        """Records a ROS message at a simulated time."""
+        """Records a ROS message at a simulated time in seconds; this base class records nothing."""
 
     def add(self, topic: str, kind: type, data: bytes, time_s: float) -> None:
-        """Records an already encoded ROS message; see `write`."""
+        """Records an already encoded ROS message (CDR) at a simulated time in seconds.
+
+        This base class records nothing.
+        """
 
     def is_heard(self, topic: str) -> bool:
-        """Returns whether ROS nodes subscribe to a topic."""
+        """Returns whether ROS nodes subscribe to a topic; false here, as only a bridge has nodes."""
         del topic
         return False
 
     def tell(self, topic: str, message: Any) -> None:
-        """Publishes a message to subscribed ROS nodes, without recording it."""
+        """Publishes a message to subscribed ROS nodes, without recording it; does nothing here, without a bridge."""
 
     def add_static_transforms(self, transforms: Sequence[TransformStamped], time_s: float) -> None:
         """Records the poses of frames that do not move, on `/tf_static`."""
@@ -76,7 +79,7 @@ class Recorder:
         """Continues the recording from the state in a checkpoint."""
 
     def close(self) -> None:
-        """Finishes the recording file."""
+        """Finishes the recording file; this base class has none."""
 
 
 _CHUNK_BYTES = 768 * 1024
@@ -102,7 +105,7 @@ class McapRecorder(Recorder):
     enabled: bool = True
 
     def __init__(self, path: Path, *, resume: bool = False) -> None:
-        """Opens the file.
+        """Opens the MCAP file that the run's messages are recorded to.
 
         Args:
             path: Path of the file; an existing one is replaced.
@@ -145,7 +148,10 @@ class McapRecorder(Recorder):
         self.add(topic, type(message), encode(message), time_s)
 
     def add(self, topic: str, kind: type[Message], data: bytes, time_s: float) -> None:
-        """Records an already encoded ROS message; see `write`."""
+        """Records an already encoded ROS message (CDR) at a simulated time in seconds; see `write`.
+
+        Raises the error of a recording that cannot be written, such as on a full disk.
+        """
         channel = self._channel(topic, kind)
         time_ns = max(0, round(time_s * _NANOSECONDS))
         try:
@@ -281,7 +287,7 @@ class McapRecorder(Recorder):
         return self._file.add_channel(topic, kind.ROS_TYPE, definition(kind.ROS_TYPE), metadata), kind
 
     def _write_companions(self) -> None:
-        """Writes the `metadata.yaml` that makes the folder a rosbag2, and the layout for Foxglove."""
+        """Writes two files beside the recording: `metadata.yaml`, which makes a rosbag2, and a layout for Foxglove."""
         counts, start_ns, end_ns = self._file.contents()
         self.topics = frozenset(topic for topic, (number, _) in self._channels.items() if counts.get(number, 0))
         topics = [
@@ -305,13 +311,13 @@ class McapRecorder(Recorder):
 
 
 class StaticTransforms:
-    """Poses of ROS frames that do not move, by child frame."""
+    """Poses of ROS frames that do not move, by child frame, of which `/tf_static` messages are made."""
 
     def __init__(self, known: Mapping[str, TransformStamped] | None = None) -> None:
         self.known = dict(known or {})
 
     def add(self, transforms: Sequence[TransformStamped]) -> bool:
-        """Adds frames; returns whether any is new or changed."""
+        """Adds poses of frames that do not move, by the frame's name; returns whether any is new or has changed."""
         fresh = {item.child_frame_id: item for item in transforms}
         if all(_same_place(self.known.get(child), item) for child, item in fresh.items()):
             return False
@@ -319,12 +325,12 @@ class StaticTransforms:
         return True
 
     def message(self, without: Collection[str] = ()) -> TFMessage:
-        """Returns a `/tf_static` message with all frames except some."""
+        """Returns a `/tf_static` message with all known frames except those in `without`."""
         return TFMessage(tuple(item for child, item in self.known.items() if child not in without))
 
 
 def _same_place(known: TransformStamped | None, item: TransformStamped) -> bool:
-    """Returns whether a frame still has the known pose, regardless of the time stamp."""
+    """Returns whether a frame still has the known pose, regardless of the time stamp; false if none is known."""
     if known is None or known.header.frame_id != item.header.frame_id:
         return False
     return known.transform == item.transform

@@ -129,7 +129,7 @@ class StateSeries:
         return self._data
 
     def sample(self, recorder: Recorder) -> None:
-        """Samples the current state.
+        """Adds joint positions, velocities, actuator forces and time of the current state to the buffer of the series.
 
         Args:
             recorder: Recorder that has the series; it writes a chunk when the buffer is full.
@@ -146,7 +146,11 @@ class StateSeries:
         recorder.flush_when_due(full=len(times) >= self._capacity)
 
     def take(self) -> tuple[Numbers, list[list[Numbers]]]:
-        """Returns the samples since the last call: times, and for each topic its numbers, a row for each time."""
+        """Returns the samples since the last call, and forgets them.
+
+        Returns:
+            Times in seconds, shape (samples,); and for each topic its arrays of numbers, each with a row for each time.
+        """
         times, self._times = self._times, []
         samples, self._samples = self._samples, ([], [], [])
         # A signal may have interrupted the last sample.
@@ -192,7 +196,15 @@ def _span(*addresses: NDArray[np.intp]) -> slice:
 
 
 def _free_motion(positions: Numbers, velocities: Numbers) -> tuple[Numbers, Numbers]:
-    """Converts the state of a free joint to poses and twists of ROS messages."""
+    """Converts states of a free joint to poses and twists of ROS messages.
+
+    Args:
+        positions: Rows of x, y, z in metres and a quaternion, w first.
+        velocities: Rows of linear (m/s, world) and angular (rad/s, body) velocities.
+
+    Returns:
+        Rows of x, y, z and a quaternion, w last; and rows of linear and angular velocities in the body's frame.
+    """
     pose = positions[:, [0, 1, 2, *_XYZW]]
     # MuJoCo has the linear velocity in the world's frame and the angular one in the body's; ROS has both in the body's.
     back = np.stack(_turned_back(pose[:, 3:].T, velocities[:, :3].T), axis=1)
@@ -200,7 +212,7 @@ def _free_motion(positions: Numbers, velocities: Numbers) -> tuple[Numbers, Numb
 
 
 def _planar_motion(positions: Numbers, velocities: Numbers) -> tuple[Numbers, Numbers]:
-    """Converts the state of two slides and a hinge (x, y, heading) to poses and twists."""
+    """Converts states of two slides and a hinge (x m, y m, heading rad) to poses and twists of ROS messages."""
     pose, twist = np.zeros((len(positions), 7)), np.zeros((len(positions), 6))
     heading, (east, north, turning) = positions[:, 2], velocities.T
     pose[:, :2], pose[:, 5], pose[:, 6] = positions[:, :2], np.sin(heading / 2), np.cos(heading / 2)
@@ -210,7 +222,15 @@ def _planar_motion(positions: Numbers, velocities: Numbers) -> tuple[Numbers, Nu
 
 
 def _turned_back(quaternion: Any, vector: Any) -> Any:
-    """Rotates world vectors into frames with given orientations (x, y, z, w); single vectors, or rows."""
+    """Rotates world vectors into frames with given orientations; works for single vectors and for arrays.
+
+    Args:
+        quaternion: Orientations x, y, z, w: four numbers or arrays.
+        vector: Vectors: three numbers or arrays.
+
+    Returns:
+        The rotated vectors: three numbers or arrays.
+    """
     x, y, z, w = -quaternion[0], -quaternion[1], -quaternion[2], quaternion[3]
     east, north, up = vector
     across = 2.0 * (y * up - z * north), 2.0 * (z * east - x * up), 2.0 * (x * north - y * east)
@@ -227,7 +247,7 @@ _MAX_ROW_BYTES = 256 * 1024
 
 
 class RowSeries:
-    """Collects a sensor's measurements, which become ROS messages when a chunk is written."""
+    """Series of one sensor's measurements, which are collected, and become ROS messages when a chunk is written."""
 
     def __init__(self, topic: str, columns: Columns) -> None:
         """Prepares a source of a sensor's messages, to be passed to `Recorder.add_series`.
@@ -245,7 +265,7 @@ class RowSeries:
         self._rows: list[bytes] = []
 
     def add(self, recorder: Recorder, time_s: float, numbers: AnyNumbers) -> None:
-        """Adds a measurement.
+        """Adds the numbers of one message, with its time, to the buffer of the series.
 
         Args:
             recorder: Recorder that has the series; it writes a chunk when the buffer is full.
@@ -264,7 +284,7 @@ class RowSeries:
         recorder.flush_when_due(full=len(self._times) >= self._capacity)
 
     def take(self) -> tuple[Numbers, list[list[AnyNumbers]]]:
-        """Returns the measurements since the last call: their times, and their numbers, a row per time."""
+        """Returns and forgets the measurements since the last call: times in seconds, and numbers, a row per time."""
         if not self._times:  # nodes are served, and so ask, at every step
             return _NO_TIMES, []
         times, self._times = self._times, []

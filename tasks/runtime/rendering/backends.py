@@ -31,16 +31,16 @@ class VideoBackend:
     """A way of rendering videos (EGL, OSMesa or ray casting), and whether it works on this machine."""
 
     name: str
-    """`egl`, `osmesa` or `rays`."""
+    """Name of the rendering backend: `egl`, `osmesa` or `rays`."""
 
     works: bool
     """Whether a test image could be rendered on this machine."""
 
     problem: str
-    """Reason why it does not work; empty if it does."""
+    """Reason why the rendering backend does not work here; empty if it does."""
 
     packages: tuple[str, ...]
-    """Debian packages that it needs."""
+    """Debian packages that the rendering backend needs."""
 
 
 def available_video_backends() -> list[VideoBackend]:
@@ -60,7 +60,7 @@ def best_video_backend() -> str:
 
 @lru_cache
 def _probe(name: str) -> VideoBackend:
-    """Renders a test image in a separate process, since a bad graphics driver may crash it; the result is cached.
+    """Renders a test image in a process of its own, as a bad graphics driver may crash it; returns whether it works.
 
     Found out once: what is installed seldom changes while a process runs.
     """

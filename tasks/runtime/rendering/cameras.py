@@ -20,10 +20,10 @@ _SUN, _LAMP, _SKY = "sun", "lamp_", "sky"
 
 
 class Relighting:
-    """Changes the lights of rendered scenes to a chosen appearance (day, night, ...)."""
+    """Lights of a model in a chosen appearance (day, night, ...), which are set in each scene that is rendered."""
 
     def __init__(self, model: mujoco.MjModel, appearance: Appearance) -> None:
-        """Finds the model's lights and shiny materials."""
+        """Finds the model's lights and shiny materials that the appearance changes; the model itself stays as it is."""
         self._appearance = appearance
         self._colors: dict[int, Rgb] = {}
         for light in range(model.nlight):
@@ -38,7 +38,7 @@ class Relighting:
         }
 
     def light(self, scene: mujoco.MjvScene) -> None:
-        """Sets the lights of a rendered scene to the chosen appearance."""
+        """Sets the lights and shiny materials of a scene that is to be rendered to the chosen appearance, in place."""
         for light in scene.lights[: scene.nlight]:
             if light.headlight:
                 light.ambient[:], light.diffuse[:] = self._appearance.ambient, self._appearance.headlight
@@ -51,7 +51,10 @@ class Relighting:
 
     @contextmanager
     def sky(self, model: mujoco.MjModel) -> Iterator[None]:
-        """Replaces a model's sky inside the `with` block, while a renderer is created."""
+        """Replaces the pixels of a model's sky inside the `with` block, in which a renderer is to be created.
+
+        Does nothing if the appearance has no sky of its own, or the model has no sky.
+        """
         found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TEXTURE.value, _SKY)
         if self._appearance.sky is None or found < 0:
             yield
@@ -77,7 +80,7 @@ DISABLED = "disable"
 
 
 def follow_environment() -> None:
-    """Makes MuJoCo and dm_control use the OpenGL backend that `MUJOCO_GL` names now.
+    """Makes MuJoCo and dm_control use the OpenGL backend that `MUJOCO_GL` names now; does nothing if it names none.
 
     Raises:
         Exception: The requested OpenGL backend is missing; the type depends on what is missing.
@@ -89,7 +92,7 @@ def follow_environment() -> None:
 
 
 def make_context(width: int, height: int, backend: str | None = None) -> Any:
-    """Creates an OpenGL context, independent of MuJoCo's and dm_control's choice.
+    """Creates an OpenGL context with the backend that `MUJOCO_GL` names, whatever MuJoCo and dm_control chose.
 
     Args:
         width: Maximum width in pixels.
@@ -128,7 +131,7 @@ class Camera(Protocol):
     """Interface of a renderer that takes pictures of a simulation model."""
 
     def picture(self, data: mujoco.MjData, view: View, size: tuple[int, int] | None = None) -> Image:
-        """Renders a simulation state from a camera view.
+        """Renders a simulation state from a camera view, and returns the RGB image.
 
         Args:
             data: The state.
@@ -147,7 +150,7 @@ class Camera(Protocol):
         ...
 
     def close(self) -> None:
-        """Frees the renderer's memory."""
+        """Frees the renderer's memory; no picture can be drawn afterwards."""
         ...
 
 
@@ -162,7 +165,7 @@ class GlCamera:
         backend: str | None = None,
         appearance: Appearance | None = None,
     ) -> None:
-        """Creates the renderer.
+        """Creates an OpenGL renderer of a model, with a context of its own.
 
         Args:
             model: Compiled model; its visual settings are restored afterwards.
@@ -194,7 +197,16 @@ class GlCamera:
         self._renderer.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR.value
 
     def picture(self, data: mujoco.MjData, view: View, size: tuple[int, int] | None = None) -> Image:
-        """Renders a simulation state from a camera view; see `Camera`."""
+        """Renders a simulation state from a camera view as an RGB image; see `Camera`.
+
+        Args:
+            data: The state.
+            view: Camera view.
+            size: Width and height in pixels; absent: those of the camera.
+
+        Returns:
+            Colours from 0 to 255, shape (height, width, 3), the top row first.
+        """
         width, height = size or self._size
         self._see(data, view, width / height)
         if self._relighting is not None:
@@ -208,7 +220,7 @@ class GlCamera:
         return np.ascontiguousarray(pixels[::-1])  # OpenGL begins at the bottom
 
     def depths(self, data: mujoco.MjData, view: View) -> Depths:
-        """Renders a depth image of a camera view; see `Camera`."""
+        """Renders the depths in a camera view in metres, shape (height, width), inf where nothing is; see `Camera`."""
         width, height = self._size
         self._see(data, view, width / height)
         before = self._scene.flags.copy()
@@ -229,14 +241,14 @@ class GlCamera:
         return np.where(there > 0.0, found_m, np.inf).astype(np.float32)
 
     def _see(self, data: mujoco.MjData, view: View, aspect: float) -> None:
-        """Adds the geoms that are visible in a camera view to the scene."""
+        """Fills the scene with the geoms that are visible in a camera view, in place of those before."""
         model, scene, camera = self._model, self._scene, view(data)
         mujoco.mjv_updateCamera(model, data, camera, scene)
         with without_unseen(model, data, scene, aspect):
             mujoco.mjv_updateScene(model, data, self._option, None, camera, mujoco.mjtCatBit.mjCAT_ALL.value, scene)
 
     def _dim_under_roofs(self) -> None:
-        """Dims the sun below roofs, as it would shine through them without shadows."""
+        """Dims the sun of the scene if the model has roofs, as it would shine through them without shadows."""
         for light in self._scene.lights[: self._scene.nlight] if self._has_roofs else ():
             if light.castshadow and not light.headlight:
                 light.diffuse[:] = light.diffuse * _THROUGH_ROOFS

@@ -45,7 +45,7 @@ class RayCamera:
     """
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
-        """Computes the colours of the geoms.
+        """Computes the colours of a model's geoms, for pictures that are made by casting rays.
 
         Args:
             model: The model.
@@ -62,15 +62,18 @@ class RayCamera:
         self._buffers: dict[tuple[int, int], _Buffers] = {}
 
     def picture(self, data: mujoco.MjData, view: View, size: tuple[int, int] | None = None) -> Image:
-        """Renders a simulation state from a camera view; see `Camera`."""
+        """Renders a simulation state from a camera view as an RGB image by casting rays, coarser if it is large.
+
+        See `Camera`. Without a size in pixels, the image has the camera's own.
+        """
         return self._enlarged(lambda shape: self._cast(data, view, shape), size or self._size)
 
     def depths(self, data: mujoco.MjData, view: View) -> Depths:
-        """Renders a depth image of a camera view; see `Camera`."""
+        """Renders the depths in a camera view in metres by casting rays; see `Camera`."""
         return self._enlarged(lambda shape: self._measure(data, view, shape), self._size)
 
     def _enlarged(self, make: Callable[[tuple[int, int]], NDArray[Any]], size: tuple[int, int]) -> NDArray[Any]:
-        """Renders an image with a limited number of rays, and upscales it to a size."""
+        """Returns an image that is made with a limited number of rays, upscaled to a size (width, height)."""
         width, height = size
         coarseness = math.ceil(math.sqrt(width * height / _MAX_RAYS))
         made = make((math.ceil(height / coarseness), math.ceil(width / coarseness)))
@@ -99,7 +102,13 @@ class RayCamera:
     def _aimed(
         self, data: mujoco.MjData, view: View, shape: tuple[int, int]
     ) -> Iterator[tuple[_Vectors, _Vectors, "_Buffers", int]]:
-        """Yields camera position, rays, buffers and the body around the camera, while back faces are hidden."""
+        """Yields the camera's position, rays, buffers and the body around the camera, while back faces are hidden.
+
+        Args:
+            data: The state.
+            view: Camera view.
+            shape: Height and width of the image in pixels.
+        """
         no_category = 0  # the scene's camera is all that is wanted
         mujoco.mjv_updateScene(self._model, data, self._option, None, view(data), no_category, self._scene)
         if shape not in self._buffers:
@@ -116,7 +125,19 @@ class RayCamera:
     def _hit(
         self, data: mujoco.MjData, eye: _Vectors, rays: _Vectors, buffers: "_Buffers", pixels: _Pixels, housing: int
     ) -> _Vectors:
-        """Finds the geoms at some pixels; returns the distances along their rays in metres, -1 without a hit."""
+        """Finds the geoms at some pixels and stores them in the buffers, with the surfaces' normals.
+
+        Args:
+            data: The state.
+            eye: Position of the camera in metres.
+            rays: Unit vectors of all pixels, shape (pixels, 3).
+            buffers: Geoms and normals of the image.
+            pixels: Numbers of the pixels to cast, shape (n,).
+            housing: Body around the camera, which is not seen.
+
+        Returns:
+            Distances along their rays in metres, shape (n,), -1 without a hit.
+        """
         away_m = np.zeros(len(pixels))
         if not len(pixels):
             return away_m
@@ -154,7 +175,7 @@ class RayCamera:
 
 
 class _Buffers:
-    """Buffers for pictures of one size: geom and surface normal of each pixel."""
+    """Memory for pictures of one size, which is used again: geom and surface normal of each pixel."""
 
     def __init__(self, shape: tuple[int, int]) -> None:
         count = shape[0] * shape[1]
@@ -171,7 +192,7 @@ class _Buffers:
         self._in_grid[self.grid] = True
 
     def directions(self, window: _Window) -> _Vectors:
-        """Returns unit vectors through the pixels as (forward, up, right), row by row from the top."""
+        """Returns unit vectors through the pixels as (forward, up, right), shape (pixels, 3), by rows from the top."""
         if window != self._window:
             height, width = self._shape
             rays = np.ones((height, width, 3))
@@ -183,7 +204,7 @@ class _Buffers:
         return self._directions
 
     def between(self) -> _Pixels:
-        """Fills grid cells whose corners see one flat surface; returns the pixels that remain to be cast."""
+        """Fills grid cells whose corners see one flat surface; returns the numbers of the pixels still to be cast."""
         geoms = self.geoms[self.grid].reshape(self._grid_shape)
         normals = self.normals[self.grid].reshape(*self._grid_shape, 3)
         first, first_normal = geoms[:-1, :-1], normals[:-1, :-1]
@@ -201,7 +222,7 @@ class _Buffers:
         return np.flatnonzero(~(known.ravel() | self._in_grid))
 
     def _enlarged(self, cells: NDArray[Any]) -> NDArray[Any]:
-        """Repeats each grid cell's value for all pixels of the cell."""
+        """Returns an array in which each grid cell's value is repeated for all pixels of the cell."""
         return cells.repeat(self._steps[0], axis=0).repeat(self._steps[1], axis=1)
 
 

@@ -72,9 +72,9 @@ def choose_view(
 
     Args:
         model: The model.
-        name: See `choose_views`, except `both`.
-        said_by: See `choose_views`.
-        aspect: See `choose_views`.
+        name: Name of the view: `follow`, `top` or a camera's name; None: see above.
+        said_by: Source of the name, for the error message.
+        aspect: Width of the picture divided by its height.
 
     Raises:
         CameraNameError: The model has no camera of that name.
@@ -106,7 +106,7 @@ class FollowView:
     """
 
     def __init__(self, model: mujoco.MjModel, body: int, camera: int | None = None) -> None:
-        """Prepares the view.
+        """Prepares a camera view that follows a robot.
 
         Args:
             model: The model.
@@ -126,7 +126,10 @@ class FollowView:
         self._heading_deg = 0.0
 
     def _stand_like(self, camera: int) -> None:
-        """Takes distance, side and slope from a camera of the model; a narrower field of view needs more distance."""
+        """Sets distance, side and slope of the view from a camera of the model.
+
+        A narrower field of view needs more distance.
+        """
         x, y, z = (float(value) for value in self._model.cam_poscom0[camera])
         narrower = math.tan(math.radians(self._model.cam_fovy[camera] / 2)) / _half_view(self._model)
         self._distance_m = math.hypot(x, y, z) * narrower
@@ -159,7 +162,10 @@ class FollowView:
         return self._heading_deg
 
     def _free_stand(self, data: mujoco.MjData) -> tuple[float, float]:
-        """Chooses elevation and distance: the flattest free view from the full distance, else the farthest free one."""
+        """Returns the elevation in degrees and the distance in metres from which the camera sees the robot freely.
+
+        That is the flattest free view from the full distance, else the one with the farthest free distance.
+        """
         best = (self._elevation_deg, 0.0)
         elevation_deg = self._elevation_deg
         while elevation_deg >= min(_STEEPEST_DEG, self._elevation_deg):
@@ -189,7 +195,7 @@ class TopView:
     """Camera view straight down that frames all fixed geoms, or that follows the robot if the world has none."""
 
     def __init__(self, model: mujoco.MjModel, aspect: float) -> None:
-        """Prepares the view; positions are read from the first state.
+        """Prepares a camera view from above; positions are read from the first state.
 
         Args:
             model: The model.
@@ -204,7 +210,7 @@ class TopView:
         self._ready = False
 
     def __call__(self, data: mujoco.MjData) -> mujoco.MjvCamera:
-        """Returns the view, centred on the robot if it follows the robot."""
+        """Returns the view from above for a state, centred on the robot if the view follows it."""
         if not self._ready:
             self._prepare(data)
         if self._body is not None:
@@ -227,7 +233,10 @@ class TopView:
 
 
 def fixed_extent(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[_Vector, _Vector] | None:
-    """Returns the corners of the visible fixed geometry's bounding box; `None` if there is only a floor."""
+    """Returns the lower and upper corners, in metres, of the visible fixed geometry's bounding box.
+
+    Returns `None` if there is only a floor.
+    """
     solid = model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE.value
     fixed = model.body_weldid[model.geom_bodyid] == 0
     shown = SHOWN_GROUPS[np.clip(model.geom_group, 0, 5)].astype(bool) & (model.geom_rgba[:, 3] > 0)
@@ -288,14 +297,14 @@ _ROOFS = ("ceiling_", "lamp_")
 
 
 def roofs(model: mujoco.MjModel) -> NDArray[np.intp]:
-    """Returns the geoms that are ceilings, which are shown from below only."""
+    """Returns the numbers of the geoms that are ceilings, which are shown from below only."""
     meshes = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_MESH.value)
     return np.array([geom for geom in meshes if model.geom(int(geom)).name.startswith(_ROOFS)], np.intp)
 
 
 @contextmanager
 def hidden(model: mujoco.MjModel, geoms: NDArray[np.intp]) -> Iterator[None]:
-    """Hides geoms inside the `with` block, while a picture is rendered."""
+    """Hides geoms inside the `with` block, while a picture is rendered; other threads that change the model wait."""
     groups = model.geom_group[geoms]
     with MODEL_BORROWED:
         model.geom_group[geoms] = _HIDDEN_GROUP
@@ -353,13 +362,13 @@ def outside(middles: _Vector, radii_m: _Vector, scene: mujoco.MjvScene, aspect: 
 
 
 def awake(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Switches off sleeping bodies in a model, as their poses would not follow `qpos`; returns the model."""
+    """Switches off sleeping bodies in a model, in place, as their poses would not follow `qpos`; returns the model."""
     model.opt.enableflags &= ~mujoco.mjtEnableBit.mjENBL_SLEEP.value
     return model
 
 
 def work_out_places(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Updates all poses from `qpos`, without computing collisions and forces."""
+    """Updates all poses in `data` from its `qpos`, without computing collisions and forces."""
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     mujoco.mj_camlight(model, data)

@@ -28,7 +28,7 @@ class RunOutputs:
 
     provenance: Provenance
     timeline: StateTimeline | None
-    """Absent when the run had no states: neither physics, nor an environment that gives them."""
+    """Hashes of the run's states; absent if it had none: neither physics, nor an environment that gives them."""
 
     result: RunResult | None
     """Result of the run; absent if the run failed."""
@@ -76,7 +76,7 @@ def why_not_repeatable(run: RunOutputs, *, run_program: bool = False) -> list[st
 
 
 def without_robot(plan: RunPlan) -> RunPlan:
-    """Returns a plan in which recorded actions replace the robot application."""
+    """Returns a plan without the code of the robot application, as recorded actions are to replace it."""
     robot, nothing = plan.robot_application, {"path": None, "package": None}
     return plan.model_copy(
         update={
@@ -87,7 +87,12 @@ def without_robot(plan: RunPlan) -> RunPlan:
 
 
 def why_not_comparable(one: MachineFacts, other: MachineFacts) -> list[str]:
-    """Lists differences of two machines that can change the last bit of a number."""
+    """Lists differences of two machines that can change the last bit of a number; empty if there are none.
+
+    Args:
+        one: Machine of the run.
+        other: This machine.
+    """
     reasons = [
         f"{words} is {getattr(one, name)} there and {getattr(other, name)} here"
         for name, words in _FACTS.items()
@@ -105,7 +110,12 @@ def why_not_comparable(one: MachineFacts, other: MachineFacts) -> list[str]:
 
 
 def why_other_inputs(one: Provenance, other: Provenance) -> list[str]:
-    """Lists inputs of a rerun that differ from the run's: world, applications, seed."""
+    """Lists the inputs of a rerun that differ from the run's: world, applications, images, seed; empty if none does.
+
+    Args:
+        one: Provenance of the run.
+        other: Provenance of the rerun.
+    """
     there = {each.role: each.sha256 for each in one.applications}
     reasons = [
         f"the {each.role} application {each.name} is not what it was"
@@ -204,14 +214,17 @@ def _about_robot(run: RunOutputs) -> str:
 
 @dataclass(frozen=True)
 class JointNames:
-    """Joint names of the numbers in a state vector."""
+    """Names of a model's joints, by which an index in a state vector is told to people."""
 
     joints: Sequence[JointPlace]
     positions: int
     """Number of positions; the velocities follow them in the state vector."""
 
     def of(self, index: int) -> tuple[str, Literal["qpos", "qvel"]]:
-        """Returns the joint of the number at an index of the state vector, and whether it is a position (qpos)."""
+        """Returns the name of the joint at an index of the state vector, and whether it is a position or a velocity.
+
+        The name is `unknown` if no joint has that index.
+        """
         quantity: Literal["qpos", "qvel"] = "qpos" if index < self.positions else "qvel"
         place = index if quantity == "qpos" else index - self.positions
         owners = [joint for joint in self.joints if getattr(joint, quantity) <= place]
@@ -242,7 +255,7 @@ def first_difference(one: RunOutputs, other: RunOutputs) -> Divergence | None:
 def compare_timelines(
     one: StateTimeline, other: StateTimeline, names: JointNames, *, whole: bool = True
 ) -> Divergence | None:
-    """Finds the first difference between the state histories of two runs of one model.
+    """Returns the first difference between the state histories of two runs of one model; `None` if there is none.
 
     Args:
         one: States of the run.
@@ -268,7 +281,10 @@ def compare_timelines(
 
 
 def _other_digest(one: RunOutputs, other: RunOutputs) -> Divergence | None:
-    """Finds whether a trial and its rerun differ when only the hash of the trial's states is kept."""
+    """Returns the difference between a trial and its rerun when only hashes of their states are kept.
+
+    Returns `None` if there is none.
+    """
     digest, again = one.provenance.digest, other.provenance.digest
     if digest is None or again is None or digest == again:
         return None
@@ -288,7 +304,14 @@ def _name_joint(
     names: JointNames,
     from_s: float,
 ) -> Divergence | None:
-    """Names the joint that differs most in the first kept state that differs."""
+    """Names the joint that differs most in the first kept state that differs; `None` if no state does.
+
+    Args:
+        one: States of the run, each with its time in seconds first.
+        other: States of the rerun.
+        names: Names of the joints.
+        from_s: Time from which on states are compared, in seconds.
+    """
     for state, again in zip(one, other, strict=False):
         if state[0] < from_s or len(state) != len(again) or state[0] != again[0]:
             continue

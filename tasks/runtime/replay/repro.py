@@ -56,7 +56,7 @@ def test_its_states_are_the_same(rerun: Rerun) -> None:
 
 @dataclass(frozen=True)
 class Rerun:
-    """A rerun of a recorded run, with its outputs and failure code."""
+    """A rerun of a recorded run that has ended: its outcome, its outputs, and their folder."""
 
     outcome: RunOutcome
     outputs: RunOutputs
@@ -76,10 +76,10 @@ class Rerun:
 
 
 class Reproduction:
-    """A folder with everything to repeat a run, written by `write_reproduction`."""
+    """A folder with everything to repeat a run, written by `write_reproduction`, which can be run again."""
 
     def __init__(self, folder: Path) -> None:
-        """Opens the folder.
+        """Opens the reproduction folder of a run, and reads what is to be repeated.
 
         Args:
             folder: Path of the folder; it may have been moved, also to another machine.
@@ -97,7 +97,7 @@ class Reproduction:
         return read_outputs(self.folder / FIRST_OUTPUTS)
 
     def why_not_comparable(self, rerun: Rerun) -> list[str]:
-        """Lists reasons for which a rerun on this machine may have other states than the run."""
+        """Lists reasons for which a rerun on this machine may have other states than the run; there may be none."""
         return why_not_comparable(self.first.provenance.machine, machine_facts()) + self.other_inputs(rerun)
 
     def other_inputs(self, rerun: Rerun) -> list[str]:
@@ -105,7 +105,7 @@ class Reproduction:
         return why_other_inputs(self.first.provenance, rerun.outputs.provenance)
 
     def rerun(self, folder: Path, video: VideoPolicy = "none", launcher: Launcher | None = None) -> Rerun:
-        """Runs the reproduced run again, in separate processes.
+        """Runs the reproduced run again, in separate processes, waits for its end, and returns the rerun.
 
         Args:
             folder: Folder for the rerun's work and outputs; an earlier rerun in it is removed.
@@ -128,7 +128,10 @@ class Reproduction:
 
 
 def ending_of(outputs: RunOutputs, failure_code: str | None) -> dict[str, Any]:
-    """Returns the outcome of a run for comparison: verdict and missed requirements, or failure code."""
+    """Returns a run's outcome for comparison: verdict, missed requirements and cause of the end, or failure code.
+
+    The failure code, which may be `None`, is all that a run without a result has.
+    """
     if outputs.result is None:
         return {"failure_code": failure_code}
     missed = [each.name for each in outputs.result.requirements if not each.satisfied]
@@ -147,7 +150,7 @@ def rerun_ending(outputs: RunOutputs, failure_code: str | None) -> dict[str, Any
 
 
 def is_expected(ending: Mapping[str, Any], expected: Mapping[str, Any]) -> bool:
-    """Whether a rerun's outcome is the expected one."""
+    """Whether a rerun's outcome has all members of the expected one, with the same values."""
     return all(ending.get(name) == value for name, value in expected.items())
 
 
@@ -194,7 +197,10 @@ def write_reproduction(plan: RunPlan, first: Path, failure_code: str | None, fol
 
 
 def _move_all(source: Path, folder: Path) -> None:
-    """Moves the content of a folder to another one, the plan last: its presence marks a complete reproduction."""
+    """Moves the content of a folder to another one, the plan last: its presence marks a complete reproduction.
+
+    Raises `FileExistsError`, and moves nothing, if a file is there already.
+    """
     folder.mkdir(exist_ok=True)
     names = sorted((path.name for path in source.iterdir()), key=lambda name: name == PLAN_FILE)
     if taken := [name for name in names if (folder / name).exists()]:
@@ -222,12 +228,12 @@ def _write_test(outputs: RunOutputs, failure_code: str | None, folder: Path) -> 
 
 
 def _in_docstring(text: str) -> str:
-    """Escapes text so that it cannot end a docstring: texts of a run are untrusted."""
+    """Returns text that cannot end a docstring, as texts of a run are untrusted."""
     return text.replace("\\", "/").replace('"', "'")
 
 
 def _copied(plan: RunPlan, folder: Path) -> RunPlan:
-    """Copies the files that a plan names; returns the plan with paths inside the folder."""
+    """Copies the files that a run plan names into a folder, and returns the plan with paths relative to that folder."""
     places: dict[Path, Path] = {}
 
     def copy(source: Path | None, name: str) -> Path | None:

@@ -30,7 +30,7 @@ class RequirementsObserver(Observer):
     """
 
     def __init__(self, plan: RunPlan, world: World | None = None) -> None:
-        """Prepares the checks.
+        """Prepares to check a run's requirements, which begins with its first step.
 
         Args:
             plan: Plan of the run; its requirements replace those of the environment with the same names.
@@ -58,7 +58,9 @@ class RequirementsObserver(Observer):
         return self._time_s
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Checks the requirements that are due.
+        """Judges the requirements that are due at the simulated time, and sets `next_time_s`, when the next one is due.
+
+        The first call prepares the checks; without requirements, none is ever due.
 
         Raises:
             RunEnded: A requirement that stops the run is violated, or all goals that do are reached.
@@ -157,7 +159,10 @@ class RequirementsObserver(Observer):
                 rule.is_there = rule.asked.name in names
 
     def _bind(self, environment: Any) -> None:
-        """Binds the rules to the environment's model, which environments may replace."""
+        """Binds the rules to the environment's model, which environments may replace.
+
+        If rules look within control steps, the environment is asked to call them there.
+        """
         self._model, self._data = raw_physics(environment.physics)
         make_scene = getattr(environment, "requirements_scene", None)  # of one that plays a recording
         if make_scene is None:
@@ -187,7 +192,10 @@ class RequirementsObserver(Observer):
 
 
 def _bound(rule: Rule[Any], scene: Any) -> Look:
-    """Binds a rule to a scene and returns its check; a rule that cannot be measured there becomes an error."""
+    """Binds a rule to a scene, and returns the function that checks it at a time in seconds.
+
+    A rule that cannot be measured there becomes an error, and its function does nothing.
+    """
     try:
         look = rule.bind(scene)
     except NotMeasuredError as error:
@@ -200,7 +208,7 @@ def _bound(rule: Rule[Any], scene: Any) -> Look:
 
 
 class _Check:
-    """A rule with its measurement and its check interval."""
+    """A rule of a requirement, bound to its measurement, with the time in seconds at which it is looked at next."""
 
     def __init__(self, rule: Rule[Any], look: Look, room_of: Callable[[Rule[Any]], str | None] | None) -> None:
         self.rule = rule
@@ -236,7 +244,7 @@ class _Check:
 
 
 def make_rules(requirements: Sequence[JobRequirement]) -> list[Rule[Any]]:
-    """Makes a rule for each requirement, which judges it during the run."""
+    """Returns a rule for each requirement, in their order, which judges it during the run."""
     rules = [requirement.rule(requirement) for requirement in requirements]
     for index, rule in enumerate(rules):
         rule.follow(rules[:index])
@@ -244,7 +252,7 @@ def make_rules(requirements: Sequence[JobRequirement]) -> list[Rule[Any]]:
 
 
 def merged(requested: Sequence[JobRequirement], own: Sequence[JobRequirement]) -> list[JobRequirement]:
-    """Merges the requirements of environment and job; the job's take precedence where names are equal."""
+    """Returns the requirements of environment and job together; the job's take precedence where names are equal."""
     names = {requirement.name for requirement in requested}
     return [*(requirement for requirement in own if requirement.name not in names), *requested]
 
@@ -284,7 +292,7 @@ def _both(first: Callable[[], None] | None, second: Callable[[], None]) -> Calla
 
 
 def _metrics(rules: Sequence[Rule[Any]]) -> dict[str, float]:
-    """Returns the metrics of all requirements that have one, for tables and comparisons, if measured."""
+    """Returns the metrics of all requirements that have one and could be judged, for tables and comparisons."""
     metrics: dict[str, float] = {}
     for rule in rules:
         if rule.error is None:

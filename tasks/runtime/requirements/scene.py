@@ -45,7 +45,10 @@ _LEVEL_AXIS = 1e-5
 
 @dataclass(frozen=True)
 class Scene:
-    """MuJoCo simulation in which requirements are measured."""
+    """MuJoCo simulation in which requirements are measured: positions, contacts, distances, the world.
+
+    Measurements that the environment does not allow raise `NotMeasuredError`.
+    """
 
     environment: Any
     model: mujoco.MjModel
@@ -87,7 +90,7 @@ class Scene:
         return self.data.xquat[self._robot(rule)]
 
     def can_tilt(self, rule: Rule[Any]) -> bool:
-        """Returns whether a joint lets the robot's body tilt; hinges around the vertical do not."""
+        """Whether a joint lets the body of the rule's robot tilt; hinges around the vertical do not."""
         body = self._robot(rule)
         while body:
             first = self.model.body_jntadr[body]
@@ -105,7 +108,7 @@ class Scene:
         return floor_of(self.plan, rule)
 
     def can_rise(self, rule: Rule[Any]) -> bool:
-        """Returns whether a joint lets the robot's body change its height; vertical hinges and level slides do not."""
+        """Whether a joint lets the body of a rule's robot change its height; upright hinges and level slides do not."""
         body = self._robot(rule)
         while body:
             first = self.model.body_jntadr[body]
@@ -121,15 +124,15 @@ class Scene:
         """Does nothing: a simulation always contains the end of the run."""
 
     def messages(self, rule: Rule[Any], topic: str) -> Iterator[tuple[float, Any]]:  # noqa: ARG002 - see `Scene`
-        """Raises the error that messages are read after the run, so that a rule on topics cannot be judged yet."""
+        """Raises `NotMeasuredError`: messages on topics are read after the run, and rules on them judged then."""
         raise NotMeasuredError(NOT_READ)
 
     def pose_pairs(self, rule: Rule[Any], estimate: str, truth: str) -> Iterator[PosePair]:  # noqa: ARG002 - as above
-        """Raises the error that poses on topics are read after the run, as messages are."""
+        """Raises `NotMeasuredError`: poses on topics are read after the run, so a rule on them cannot be judged yet."""
         raise NotMeasuredError(NOT_READ)
 
     def contacts(self, rule: Rule[Any]) -> Callable[[], Mapping[str, float]]:
-        """Returns a function that reads the contact force (N) of each object that touches the robot."""
+        """Returns a function that reads the contact force (N) of each object that touches the rule's robot, by name."""
         body = self._robot(rule)
         if body not in self._contacts:
             robot = robot_geoms(self.model, body)
@@ -138,14 +141,14 @@ class Scene:
         return self._contacts[body].read
 
     def clearance(self, rule: Rule[Any]) -> Callable[[float], tuple[float, str] | None]:
-        """Returns a function that measures the smallest distance to other objects, in metres."""
+        """Returns a function that measures the smallest distance in metres from the rule's robot to other objects."""
         model, body = self.model, self._robot(rule)
         own = robot_geoms(model, body)
         part = own if getattr(rule.asked, "body", None) is None else bodies_below(model, body)[model.geom_bodyid]
         return ClearanceMeter(model, self.data, part, self._obstacles(rule, own), self.names).measure
 
     def function(self, rule: Rule[Any], attribute: str) -> Callable[..., Any]:
-        """Imports a predicate function from the application's bundle or an installed package.
+        """Imports and returns a predicate function from the application's bundle or an installed package.
 
         Raises:
             RequirementError: The function does not exist.

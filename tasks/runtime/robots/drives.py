@@ -24,7 +24,7 @@ class VelocityController(KeepsAttributes):
     substep: Callable[[], None] | None = None
 
     def __init__(self, limits: Limits, move: Callable[[float, float], None]) -> None:
-        """Starts with the robot standing still.
+        """Creates the controller of a robot that stands still.
 
         Args:
             limits: Velocity and acceleration limits of the robot.
@@ -39,11 +39,14 @@ class VelocityController(KeepsAttributes):
         self.reset()
 
     def reset(self) -> None:
-        """Resets the controller at the start of a run; see `Controller`."""
+        """Sets the commanded velocities to zero, as at the start of a run; see `Controller`."""
         self._linear = self._angular = 0.0
 
     def command(self, action: Action) -> bool:
-        """Applies a velocity command for the next control step; see `Controller`."""
+        """Moves the robot's velocities towards a command, as far as its accelerations allow in a control step.
+
+        Returns whether the command is to stand still; see `Controller`.
+        """
         linear, angular = self._checked(action)
         self._linear += _clip(linear - self._linear, self._linear_change)
         self._angular += _clip(angular - self._angular, self._angular_change)
@@ -90,7 +93,13 @@ class DifferentialDrive(VelocityDrive):
     """Factors from a wheel's speed (rad/s, forward positive) to the command of each actuator; absent: 1."""
 
     def bind(self, model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> Controller:
-        """Makes the controller of this drive in a compiled world; see `Drive`."""
+        """Returns the controller that turns the wheels of a robot with this drive in a compiled world; see `Drive`.
+
+        Args:
+            model: The world with the robot.
+            data: Its state, whose controls the controller sets.
+            prefix: Prefix of the robot's names in the model.
+        """
         control, radius_m, half_track_m = data.ctrl, self.wheel_radius_m, self.track_width_m / 2
         factors = self.directions or ((1.0,) * len(self.left), (1.0,) * len(self.right))
         left, right = (
@@ -127,7 +136,13 @@ class PlanarDrive(VelocityDrive):
     """
 
     def bind(self, model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> Controller:
-        """Makes the controller of this drive in a compiled world; see `Drive`."""
+        """Returns the controller that moves the base of a robot with this drive in a compiled world; see `Drive`.
+
+        Args:
+            model: The world with the robot.
+            data: Its state, whose controls the controller sets.
+            prefix: Prefix of the robot's names in the model.
+        """
         control = data.ctrl
         x, yaw = (int(model.actuator(f"{prefix}{name}").id) for name in (self.x, self.yaw))
         y = None if self.y is None else int(model.actuator(f"{prefix}{self.y}").id)
@@ -157,11 +172,15 @@ class RawController(KeepsAttributes):
         self._last: bytes | None = None
 
     def reset(self) -> None:
-        """Resets the controller at the start of a run; see `Controller`."""
+        """Forgets the last actuator controls, as at the start of a run; see `Controller`."""
         self._last = None
 
     def command(self, action: Action) -> bool:
-        """Applies actuator controls; see `Controller`. Unchanged controls tell the robot to stand still."""
+        """Sets the actuator controls, clipped to their ranges; see `Controller`.
+
+        Returns whether they are the same as before, which tells the robot to stand still. Raises `ActionError` if the
+        action is not an array of finite numbers of the right shape.
+        """
         wanted = self._spec.name
         try:
             values = np.asarray(action, np.float64)
@@ -191,7 +210,7 @@ class RawDrive:
         return specs.BoundedArray((len(ids),), np.float64, low, high, name=", ".join(self.actuators))
 
     def bind(self, model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> Controller:
-        """Makes the controller of this drive in a compiled world; see `Drive`."""
+        """Returns the controller that passes actions to a robot's actuators in a compiled world; see `Drive`."""
         ids = [int(model.actuator(f"{prefix}{name}").id) for name in self.actuators]
         return RawController(data, ids, self.action_spec(model, prefix))
 
@@ -215,24 +234,24 @@ class BaseState(NamedTuple):
 
 
 class Base(Protocol):
-    """Interface to the base of a robot in a simulation."""
+    """Interface to the base of a robot in a simulation, by which it is placed, and its pose and velocity are read."""
 
     def place(self, heading: float) -> None:
-        """Places the robot at the origin with a heading; the caller calls `mj_forward`."""
+        """Places the robot at the origin with a heading in radians; the caller calls `mj_forward`."""
         ...
 
     def read(self) -> BaseState:
-        """Returns the base's pose and velocity."""
+        """Returns the base's present pose (m, rad) and velocity (m/s, rad/s)."""
         ...
 
 
 def bind_base(robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> Base:
-    """Finds the base of a robot in a compiled world."""
+    """Returns the access to pose and velocity of a robot's base in a compiled world, planar or free."""
     return PlanarBase(robot, model, data) if robot.planar_joints else FreeBase(robot, model, data)
 
 
 def take_home_pose(robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Sets the joints to their home positions, and position servos to hold them."""
+    """Sets the robot's joints to their home positions, and all position servos of the model to hold their joints."""
     for name, value in robot.home.items():
         data.qpos[int(model.joint(f"{robot.prefix}{name}").qposadr[0])] = value
     for actuator in range(model.nu):
@@ -244,7 +263,7 @@ def take_home_pose(robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> 
 
 
 class FreeBase:
-    """Robot base with a free joint."""
+    """Base of a robot that moves freely, by a free joint, and so can tip over."""
 
     def __init__(self, robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         root = model.joint(f"{robot.prefix}{robot.free_joint}")
@@ -255,11 +274,11 @@ class FreeBase:
         self._height_m = robot.spawn_height_m
 
     def place(self, heading: float) -> None:
-        """Places the robot at the origin with a heading; see `Base`."""
+        """Places the robot, which moves freely, at the origin at its height, with a heading in radians; see `Base`."""
         self._pose[:] = (0.0, 0.0, self._height_m, math.cos(heading / 2), 0.0, 0.0, math.sin(heading / 2))
 
     def read(self) -> BaseState:
-        """Returns the base's pose and velocity; see `Base`."""
+        """Returns the freely moving base's pose and velocity in the plane, and its tilt in radians; see `Base`."""
         x, y, _, qw, qx, qy, qz = self._pose.tolist()
         yaw = math.atan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy * qy + qz * qz))
         vx, vy, _, _, _, turning = self._velocity.tolist()
@@ -277,12 +296,12 @@ class PlanarBase:
         self._velocities = [data.qvel[int(joint.dofadr[0]) :] for joint in joints]
 
     def place(self, heading: float) -> None:
-        """Places the robot at the origin with a heading; see `Base`."""
+        """Places the robot, which moves on planar joints, at the origin with a heading in radians; see `Base`."""
         for view, value in zip(self._positions, (0.0, 0.0, heading), strict=True):
             view[0] = value
 
     def read(self) -> BaseState:
-        """Returns the base's pose and velocity; see `Base`."""
+        """Returns the planar base's pose (m, rad) and velocity (m/s, rad/s); it never tilts; see `Base`."""
         x, y, yaw = (float(view[0]) for view in self._positions)
         vx, vy, turning = (float(view[0]) for view in self._velocities)
         yaw = math.remainder(yaw, math.tau)

@@ -42,10 +42,10 @@ class Limits:
 
 @dataclass(frozen=True)
 class Lidar:
-    """Settings of a horizontal lidar on a robot."""
+    """Settings of a horizontal lidar on a robot: height, rays, rate, range in metres, and noise."""
 
     height_m: float
-    """Height over the floor, in metres."""
+    """Height of the lidar over the floor, in metres."""
 
     rate_hz: float = 5.0
     """Scans per second; the time between scans is a whole number of control steps."""
@@ -109,7 +109,7 @@ class Drive(Protocol):
     """Interface of a robot's drive, which converts actions to actuator controls."""
 
     def action_spec(self, model: mujoco.MjModel, prefix: str) -> specs.BoundedArray:
-        """Returns the spec of actions, with limits and units."""
+        """Returns the spec of the actions that robots with this drive take, with limits and units."""
         ...
 
     def bind(self, model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> Controller:
@@ -128,7 +128,7 @@ class Robot:
     """A robot model that can be placed in a world: body, drive, sensors and limits."""
 
     name: str
-    """Short name; `<name>/` is the prefix of the names of its parts in a compiled world."""
+    """Short name of the robot; `<name>/` is the prefix of the names of its parts in a compiled world."""
 
     build: Callable[[], mujoco.MjSpec]
     """Function that makes a new MjSpec of the robot at every call."""
@@ -189,7 +189,7 @@ class Robot:
 def add_look(
     body: mujoco.MjsBody, shape: mujoco.mjtGeom, pos: Sequence[float], size: Sequence[float], rgba: Sequence[float]
 ) -> None:
-    """Adds a visual geom without mass and collisions."""
+    """Adds to a body a visual geom without mass and collisions; lengths are in metres."""
     body.add_geom(type=shape, pos=pos, size=size, rgba=rgba, contype=0, conaffinity=0, mass=0)
 
 
@@ -228,6 +228,6 @@ def sensor_type(kind: str) -> mujoco.mjtSensor:
 
 
 def robot_of(environment: Any) -> Robot | None:
-    """Returns an environment's robot, if it has one."""
+    """Returns an environment's robot; `None` if it has none."""
     robot = getattr(environment, "robot", None)
     return robot if isinstance(robot, Robot) else None

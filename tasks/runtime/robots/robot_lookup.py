@@ -39,7 +39,7 @@ _MAX_NAME = 60
 
 
 class _Package(NamedTuple):
-    """Folders of a robot application's files, in which its robot is searched."""
+    """Folders of a robot application in which its `robot.yaml` is searched, the innermost first, and their root."""
 
     folders: list[Path]
     """Folders of the application's packages, the innermost first."""
@@ -49,7 +49,7 @@ class _Package(NamedTuple):
 
 
 class FoundRobot(NamedTuple):
-    """The robot of a job, and the setting that chose it."""
+    """The robot model of a job, and the reason why it is that one, as text."""
 
     robot: Robot
     why: str
@@ -61,7 +61,9 @@ class FoundRobot(NamedTuple):
 
 
 def find_robot(application: ApplicationPlan | None, variables: Mapping[str, str]) -> FoundRobot:
-    """Finds the robot model of a simulation job.
+    """Finds the robot model of a simulation job, and returns it with the reason for the choice.
+
+    Takes the robot that a variable names, else the application's own; without either, the built-in robot Scout.
 
     Args:
         application: Robot application of the job, if it names one.
@@ -92,7 +94,7 @@ def find_robot(application: ApplicationPlan | None, variables: Mapping[str, str]
 
 
 def _why_it_has_none(application: ApplicationPlan, package: _Package | None) -> str:
-    """Returns the reason why an application has no robot model; names the file that was probably meant."""
+    """Returns the reason why a robot application has no robot model, as text with the file that was probably meant."""
     owner = f"the robot application {application.name}"
     if package is None:
         is_container = application.attribute is None and application.package is None
@@ -162,14 +164,17 @@ def _files(mapping: RobotModel, path: Path, root: Path, variables: Mapping[str, 
 
 
 def _short_name(text: str) -> str:
-    """Makes a valid short name for a robot that has none, from a text."""
+    """Returns a valid short name for a robot that has none, made from a text."""
     name = re.sub(r"[^a-z0-9_]+", "_", text.lower()).strip("_")
     name = name if re.match("[a-z]", name) else f"robot_{name}"
     return name[:_MAX_NAME].strip("_")
 
 
 def _package_of(application: ApplicationPlan) -> _Package | None:
-    """Finds an application's files without importing it, as a failed import could not be attributed yet."""
+    """Finds an application's files without importing it, as a failed import could not be attributed yet.
+
+    Returns `None` if the application has no files of its own, or its package is not installed.
+    """
     module = application.package or (application.attribute or "").rpartition(".")[0]
     parts = module.split(".") if module else []
     if application.policy is not None:  # the attribute is that of a built-in factory
@@ -189,7 +194,7 @@ def _package_of(application: ApplicationPlan) -> _Package | None:
 
 
 def _inwards(folder: Path, parts: list[str]) -> list[Path]:
-    """Returns the folders on the way down from a folder, as far as they exist."""
+    """Returns the folders on the way down from a folder by names, as far as they exist, the outermost first."""
     folders = []
     for part in parts:
         folder = folder / part

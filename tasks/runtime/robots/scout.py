@@ -16,7 +16,7 @@ from .sensors.imu import Imu
 from .sensors.kind import Sensor
 
 RADIUS_M = 0.17
-"""Radius of the body seen from above, in metres; nothing sticks out of it."""
+"""Radius of Scout's body seen from above, in metres; nothing sticks out of it."""
 
 WHEEL_RADIUS_M = 0.04
 TRACK_WIDTH_M = 0.22
@@ -87,7 +87,7 @@ def build_scout() -> mujoco.MjSpec:
 
 
 def _add_chassis(base: mujoco.MjsBody) -> None:
-    """Adds the geoms that collide: a disc with the mass of drive and battery, and the lidar's housing."""
+    """Adds the geoms that collide to the robot's base: a disc with the mass of drive and battery, and the lidar."""
     base.add_geom(
         name="chassis",
         type=_CYLINDER,
@@ -104,7 +104,7 @@ def _add_chassis(base: mujoco.MjsBody) -> None:
 
 
 def _add_looks(base: mujoco.MjsBody) -> None:
-    """Adds geoms of the robot that are only visible and do not collide."""
+    """Adds geoms to the robot's base that are only visible, and do not collide."""
     add_look(base, _CYLINDER, [0, 0, 0.032], [0.1705, 0.007, 0], _DARK)
     add_look(base, _CYLINDER, [0, 0, 0.072], [0.1708, 0.006, 0], _ACCENT)
     add_look(base, _CYLINDER, [0, 0, 0.0985], [0.150, 0.002, 0], _DARK)
@@ -134,7 +134,7 @@ def _add_slides(base: mujoco.MjsBody) -> None:
 
 
 def _add_wheel(spec: mujoco.MjSpec, base: mujoco.MjsBody, name: str, y: float) -> None:
-    """Adds a driven wheel.
+    """Adds a driven wheel to the base of the robot Scout.
 
     It touches the floor as a sphere: one contact point, at a known distance from the centre, on any kind of floor. The
     visible tyre is a cylinder.

@@ -70,7 +70,7 @@ class GaitSettings:
 
 
 class Motion(NamedTuple):
-    """Velocity of a walking robot's body, in its own frame."""
+    """Velocity (m/s, rad/s) of a walking robot's body in its own frame, and its roll and pitch in radians."""
 
     forward_mps: float
     left_mps: float
@@ -80,7 +80,7 @@ class Motion(NamedTuple):
 
 
 class TrotGait(KeepsAttributes):
-    """Trot gait generator of a four-legged robot."""
+    """Trot gait of a four-legged robot: computes the joint angles of all legs, step by step, from velocities."""
 
     KEPT = ("_phase", "_missing", "_nominal", "_feet", "_lifted_from")
 
@@ -123,7 +123,7 @@ class TrotGait(KeepsAttributes):
         return any(place is not None for place in self._lifted_from)
 
     def _notice(self, dt_s: float, linear: float, angular: float, motion: Motion, *, walking: bool) -> None:
-        """Adapts slowly how much is added to commands, as feet slip and legs yield."""
+        """Adapts slowly how much is added to velocity commands (m/s, rad/s), as feet slip and legs yield."""
         errors = (linear - motion.forward_mps, angular - motion.turning_radps)
         limits = (0.5 * abs(linear) + 0.02, 0.5 * abs(angular) + 0.1)
         for axis, (error, limit) in enumerate(zip(errors, limits, strict=True)):
@@ -167,7 +167,14 @@ class TrotGait(KeepsAttributes):
         return x, y, z + share * (motion.pitch_rad * x - motion.roll_rad * y)
 
     def _solve(self, leg: int, foot: Point) -> Angles:
-        """Computes the joint angles that bring a foot to a position in the body's frame, as near as the leg reaches."""
+        """Computes a leg's three joint angles in radians (abduction, hip, knee) that bring the foot to a position.
+
+        A position beyond the leg's reach is approached as near as it reaches.
+
+        Args:
+            leg: Number of the leg.
+            foot: Position of the foot in the body's frame, in metres.
+        """
         legs = self._legs
         hip_x, hip_y = legs.hips[leg]
         offset = math.copysign(legs.offset_m, hip_y)
@@ -297,7 +304,7 @@ class TrotDrive(VelocityDrive):
     settings: GaitSettings = field(default_factory=GaitSettings)
 
     def bind(self, model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> Controller:
-        """Makes the controller of this drive in a compiled world; see `Drive`."""
+        """Returns the controller of the walking robot's legs in a compiled world; see `Drive`."""
         return TrotController(self, model, data, prefix)
 
 
@@ -309,7 +316,7 @@ class TrotController(VelocityController):
     substep: Callable[[], None] | None
 
     def __init__(self, drive: TrotDrive, model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> None:
-        """Finds the legs in the model; see `Drive.bind`."""
+        """Finds the legs in the compiled model, and sets their controls to stand; see `Drive.bind`."""
         super().__init__(drive.limits, self._take)
         self._gait = TrotGait(LEGS, drive.settings)
         self.substep = self._substep

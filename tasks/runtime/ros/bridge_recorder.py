@@ -54,7 +54,7 @@ class BridgeRecorder(Recorder):
     enabled = True
 
     def __init__(self, inner: Recorder) -> None:
-        """Wraps the run's recorder, which may be one that drops all messages."""
+        """Wraps the run's recorder, which may be one that drops all messages; nothing is published before `attach`."""
         self._inner = inner
         self._wire: Wire | None = None
         self._names: Mapping[str, str] = {}
@@ -80,7 +80,7 @@ class BridgeRecorder(Recorder):
         return self._inner.topics
 
     def attach(self, wire: Wire, names: Mapping[str, str], frames: Frames, hidden_frames: Collection[str]) -> None:
-        """Begins to publish messages to ROS nodes.
+        """Begins to publish the recorder's messages to ROS nodes.
 
         Args:
             wire: Connection to the nodes.
@@ -96,7 +96,7 @@ class BridgeRecorder(Recorder):
         self._after_states.clear()
 
     def note_heard(self, heard: Collection[str], *, spares: bool) -> None:
-        """Sets the topics that nodes subscribe to.
+        """Sets the topics that ROS nodes subscribe to, as they were found.
 
         Args:
             heard: Topics, by the names that nodes use.
@@ -125,7 +125,7 @@ class BridgeRecorder(Recorder):
             self._send(topic, encode(message))
 
     def announce(self, topic: str, kind: type[Message]) -> None:
-        """Records that a topic is recorded even without messages; see `McapRecorder.announce`."""
+        """Notes in the recording that a topic exists even without messages; see `McapRecorder.announce`."""
         self._inner.announce(topic, kind)
 
     def write(self, topic: str, message: Any, time_s: float) -> None:
@@ -159,14 +159,17 @@ class BridgeRecorder(Recorder):
             self._series.remove(relayed)
 
     def flush_when_due(self, full: bool = False) -> None:
-        """Writes due messages to the recording; `full`: takes the collected messages of all sources first."""
+        """Writes due messages to the recording file; `full` takes the collected messages of all sources first."""
         if full:
             for relayed in self._series:
                 relayed.gather()
         self._inner.flush_when_due(full)
 
     def publish(self) -> set[str]:
-        """Publishes the current state and all collected messages to ROS nodes; returns their topics."""
+        """Publishes the current state and all collected messages to ROS nodes; returns the topics that nodes got.
+
+        Topics to which no node subscribes are left out.
+        """
         published: set[str] = set()
         for relayed in self._series:
             wanted = [topic for topic, _ in relayed.topics if topic not in self._unheard]
@@ -183,15 +186,15 @@ class BridgeRecorder(Recorder):
         return published
 
     def state(self) -> Any:
-        """Returns the recording's state for a checkpoint."""
+        """Returns the state of the wrapped recorder for a checkpoint."""
         return self._inner.state()
 
     def restore(self, state: Any) -> None:
-        """Continues the recording from a checkpoint."""
+        """Continues the wrapped recorder's file from the state of a checkpoint."""
         self._inner.restore(state)
 
     def close(self) -> None:
-        """Finishes the recording file."""
+        """Finishes the recording file of the wrapped recorder; the ROS nodes stay connected."""
         self._inner.close()
 
     def _send(self, topic: str, data: bytes) -> None:
@@ -210,7 +213,7 @@ _Gathered = tuple[Numbers, Sequence[Sequence[AnyNumbers]]]
 
 
 def _joined(parts: Sequence[_Gathered]) -> tuple[Numbers, list[list[AnyNumbers]]]:
-    """Joins rows of recorded numbers that were gathered in several parts."""
+    """Joins recorded numbers that were gathered in several parts, and returns their times and values as one part."""
     if not parts:
         return np.zeros(0), []
     if len(parts) == 1:
@@ -244,7 +247,7 @@ class _Relayed:
         return self.series.topics
 
     def take(self) -> tuple[Numbers, list[list[AnyNumbers]]]:
-        """Returns the messages that the recording has not received yet."""
+        """Returns the messages that the recording has not received yet, new ones of the source included."""
         self.gather()
         kept, self._kept = self._kept, []
         return _joined(kept)

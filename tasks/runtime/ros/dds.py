@@ -51,7 +51,7 @@ _PRIMITIVES = {
 
 
 class Publication(NamedTuple):
-    """A ROS topic's publisher that was discovered over DDS."""
+    """A publisher of a ROS topic that was discovered over DDS, with its type and quality of service."""
 
     topic: str
     """Name of the topic in ROS, such as `/scan`; DDS topics that are not of ROS are left out."""
@@ -94,7 +94,11 @@ class Reach:
 
 
 def configuration(reach: Reach) -> str:
-    """Makes the configuration of Cyclone DDS: loopback only, unless other machines are to be discovered."""
+    """Returns the XML configuration of Cyclone DDS: loopback only, unless other machines are to be discovered.
+
+    Args:
+        reach: Machines and network interface with which nodes are to be connected.
+    """
     interfaces = '<NetworkInterface name="lo" multicast="false"/>'
     multicast = "false"
     if reach.interface is not None:
@@ -134,7 +138,9 @@ class Participant:
     """Participant in a ROS 2 domain (DDS), which publishes and subscribes topics."""
 
     def __init__(self, domain: int, reach: Reach, *, is_simulation: bool = False) -> None:
-        """Joins a ROS 2 domain.
+        """Joins a ROS 2 domain as a participant of Cyclone DDS.
+
+        The environment variable `CYCLONEDDS_URI` is changed during the call; the user's own settings come first.
 
         Args:
             domain: Domain id, 0 to 232.
@@ -171,7 +177,14 @@ class Participant:
         self._types: dict[str, Any] = {}
 
     def writer(self, topic: str, ros_type: str, *, is_latched: bool, depth: int) -> "Writer":
-        """Creates a publisher of a ROS topic."""
+        """Creates a reliable publisher of a ROS topic in this participant's domain.
+
+        Args:
+            topic: Name of the topic, such as `/scan`.
+            ros_type: ROS type of its messages.
+            is_latched: Whether subscribers that come later get the last messages.
+            depth: Number of messages that are kept for subscribers.
+        """
         from cyclonedds import pub
         from cyclonedds.topic import Topic
 
@@ -182,7 +195,15 @@ class Participant:
     def reader(
         self, topic: str, ros_type: str, *, is_reliable: bool = False, is_latched: bool = False, depth: int = 10
     ) -> "Reader":
-        """Creates a subscriber of a ROS topic."""
+        """Creates a subscriber of a ROS topic in this participant's domain.
+
+        Args:
+            topic: Name of the topic, such as `/cmd_vel`.
+            ros_type: ROS type of its messages.
+            is_reliable: Whether only reliable publishers are heard, whose lost messages are sent again.
+            is_latched: Whether the last messages from before the subscription are wanted.
+            depth: Number of messages that are kept until they are taken.
+        """
         from cyclonedds import sub
         from cyclonedds.topic import Topic
 
@@ -196,7 +217,7 @@ class Participant:
         return self._types[ros_type]
 
     def publications(self) -> list[Publication]:
-        """Lists the publishers of ROS topics in the domain, including this participant's own."""
+        """Lists the publishers of ROS topics that are in the domain now, including this participant's own."""
         from cyclonedds import builtin
 
         if self._publications is None:
@@ -219,7 +240,7 @@ class Participant:
         return self._entity.get_guid().bytes[:12]
 
     def waiter(self, readers: "Sequence[Reader]") -> "Waiter":
-        """Makes an object that waits for messages of some subscribers."""
+        """Returns an object that waits for messages of some subscribers of this participant."""
         return Waiter(self._entity, readers)
 
     def close(self) -> None:
@@ -243,7 +264,7 @@ class Waiter:
             self._waiting.attach(condition)
 
     def wait(self, timeout_s: float) -> bool:
-        """Waits until a subscriber has a message; returns whether one has."""
+        """Waits until a subscriber has a message, at most for a time in seconds; returns whether one has."""
         return self._waiting.wait(self._duration(seconds=timeout_s)) > 0
 
 
@@ -282,7 +303,7 @@ class Writer:
 
 
 class Received(NamedTuple):
-    """A received DDS message with its source and time."""
+    """A received DDS message as bytes, with its publisher, and the time at which it was sent, in ns since 1970."""
 
     sent_ns: int
     """Time of publication in nanoseconds since 1970, by the publisher's clock."""
@@ -295,7 +316,7 @@ class Received(NamedTuple):
 
 
 def without_padding(message: bytes) -> bytes:
-    """Removes the padding bytes that a CDR message's header declares."""
+    """Returns a CDR message without the padding bytes that its header declares."""
     padding = message[3] & 3 if len(message) > 3 else 0
     return message[:3] + b"\0" + message[4:-padding] if padding else message
 
@@ -368,7 +389,7 @@ def user_data(qos: Any) -> bytes:
 
 
 def named_type(ros_type: str) -> Any:
-    """Makes a DDS type that has only the ROS type's name, for peers without type information."""
+    """Returns a DDS type that has only the ROS type's name, for peers without type information."""
     from cyclonedds.idl.types import uint8
 
     return _struct(ros_type, {"anything": uint8})
@@ -396,7 +417,12 @@ def _idl_types() -> Any:
 
 
 def _idl_member(kind: tuple[int, Any], known: dict[str, Any]) -> Any:
-    """Makes the DDS type of a message field from its description by rosbags: base, name, array or sequence."""
+    """Returns the DDS type of a message field from its description by rosbags: base, name, array or sequence.
+
+    Args:
+        kind: Description of the field.
+        known: Definitions of message types, by name.
+    """
     idl, (node, about) = _idl_types(), kind
     match Nodetype(node):
         case Nodetype.BASE:
@@ -428,7 +454,7 @@ def _struct(ros_type: str, members: dict[str, Any]) -> Any:
 
 
 def _publication(sample: Any) -> Publication | None:
-    """Makes a ROS publication of a discovery sample; None if it is not of ROS, or the publisher has left."""
+    """Converts a discovery sample of DDS to a ROS publication; None if it is not of ROS, or the publisher has left."""
     topic, kind = getattr(sample, "topic_name", None), getattr(sample, "type_name", None)
     if not topic or not topic.startswith("rt/") or _has_left(sample):
         return None

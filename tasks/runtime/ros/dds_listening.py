@@ -22,7 +22,7 @@ _REPLIES = 10
 
 
 class Announced(NamedTuple):
-    """A publisher of any DDS topic in the domain."""
+    """A publisher of any DDS topic that was discovered in the domain, with its type and quality of service."""
 
     writer: int
     """Handle of the publisher, as in its messages."""
@@ -37,7 +37,7 @@ class Announced(NamedTuple):
     """DDS type name, such as `sensor_msgs::msg::dds_::LaserScan_`."""
 
     type_hash: str
-    """Type hash `RIHS01_…`; empty if it announces none."""
+    """Type hash `RIHS01_…`; empty if the publisher announces none."""
 
     is_latched: bool
     is_reliable: bool
@@ -46,7 +46,7 @@ class Announced(NamedTuple):
 
 
 class Subscription:
-    """Subscription of one topic of one type by the topic recorder."""
+    """Subscription of one ROS topic of one type by the topic recorder; counts lost messages."""
 
     def __init__(self, reader: Reader, depth: int) -> None:
         from cyclonedds.core import DDSStatus
@@ -75,7 +75,10 @@ class Call:
         self._send_at: float | None = None
 
     def replies(self) -> list[bytes]:
-        """Sends the request when due, and returns the replies received since the last call."""
+        """Returns the service's replies received since the last call, and sends the request when it is due, also again.
+
+        The request is sent once the service is connected.
+        """
         now = time.monotonic()
         if self._send_at is None:
             if self._writer.readers:
@@ -87,10 +90,10 @@ class Call:
 
 
 class Listener:
-    """DDS participant that subscribes all topics for recording, without being a ROS node."""
+    """DDS participant that finds and subscribes all topics of a domain for recording, without being a ROS node."""
 
     def __init__(self, domain: int, reach: Reach) -> None:
-        """Joins a ROS 2 domain.
+        """Joins a ROS 2 domain, to listen to all of its topics.
 
         Raises:
             LaunchError: The domain cannot be joined; the message says why.
@@ -113,7 +116,7 @@ class Listener:
         self._waits.wait(int(timeout_s * _NANOSECONDS))
 
     def changes(self) -> list[Announced]:
-        """Returns publishers that appeared since the last call."""
+        """Returns the publishers that appeared in the domain since the last call; also notes which are simulations."""
         from cyclonedds.core import InstanceState
 
         samples: list[Any] = []
@@ -131,7 +134,7 @@ class Listener:
         ]
 
     def subscribe(self, topic: str, type_name: str, depth: int, *, is_latched: bool) -> Subscription:
-        """Subscribes a topic for recording.
+        """Subscribes a topic for recording, and returns the subscription.
 
         Args:
             topic: DDS topic name.
@@ -147,7 +150,7 @@ class Listener:
         return subscription
 
     def call(self, service: str, ros_type: str, request: bytes) -> Call:
-        """Starts to call a ROS 2 service of a node.
+        """Starts to call a ROS 2 service of a node, and returns the call, which is asked for its replies.
 
         Args:
             service: Service name without a leading slash, such as `robot/get_type_description`.

@@ -15,10 +15,10 @@ _NO_NUMBERS = (math.nan, math.nan, math.nan)
 
 
 class DdsWire:
-    """Connection from the simulation to the ROS 2 nodes of one domain."""
+    """Connection from the simulation to the ROS 2 nodes of one domain over DDS: an implementation of `Wire`."""
 
     def __init__(self, domain: int, reach: Reach, *, is_reliable: bool = False) -> None:
-        """Stores the settings; nothing is announced before `open`.
+        """Stores the settings of a connection to ROS 2 nodes; nothing is announced before `open`.
 
         Args:
             domain: ROS 2 domain id of the nodes.
@@ -35,7 +35,12 @@ class DdsWire:
         self._own = b""
 
     def open(self, topics: Sequence[Topic], command_topic: str) -> None:
-        """Announces topics, and subscribes the velocity commands; see `Wire`."""
+        """Joins the ROS 2 domain, announces topics, and subscribes the velocity commands; see `Wire`.
+
+        Args:
+            topics: Topics that the simulation publishes.
+            command_topic: Topic of the velocity commands, with or without stamp.
+        """
         participant = self._participant = Participant(self._domain, self._reach, is_simulation=True)
         self._own, self._command_topic = participant.prefix, command_topic
         for kind in (TWIST, TWIST_STAMPED):
@@ -47,11 +52,14 @@ class DdsWire:
             )
 
     def send(self, topic: str, message: bytes) -> None:
-        """Publishes a message; see `Wire`."""
+        """Publishes a message (CDR) on an announced ROS 2 topic; see `Wire`."""
         self._writers[topic].write(message)
 
     def take(self) -> list[Command]:
-        """Returns the velocity commands received since the last call; see `Wire`."""
+        """Returns the velocity commands received since the last call, in the order in which they were sent; see `Wire`.
+
+        A message that cannot be read is returned as a command without numbers.
+        """
         found: list[tuple[int, Command]] = []
         for kind, reader in [each for each in self._readers if each[1].has_news]:
             for data, published_ns in reader.take():
@@ -63,12 +71,12 @@ class DdsWire:
         return [command for _, command in found]
 
     def wait(self, timeout_s: float) -> bool:
-        """Waits until a velocity command arrives; see `Wire`."""
+        """Waits for a velocity command, at most for a time in seconds; returns whether one came. See `Wire`."""
         assert self._waiter is not None
         return self._waiter.wait(timeout_s)
 
     def peers(self) -> Peers:
-        """Returns which ROS nodes are connected; see `Wire`."""
+        """Returns which topics ROS nodes hear, how many send commands, and topics with a wrong type; see `Wire`."""
         assert self._participant is not None
         publications = [each for each in self._participant.publications() if each.participant != self._own]
         of_commands = [each for each in publications if each.topic == self._command_topic]
@@ -82,7 +90,7 @@ class DdsWire:
         )
 
     def close(self) -> None:
-        """Disconnects from the ROS nodes; see `Wire`."""
+        """Leaves the ROS 2 domain, which disconnects from the nodes; a second call does nothing; see `Wire`."""
         participant, self._participant = self._participant, None
         if participant is not None:
             participant.close()

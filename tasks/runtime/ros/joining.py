@@ -49,7 +49,7 @@ _HASH = "topic_type_hash"
 
 
 class Message(NamedTuple):
-    """A message of one of the recordings that are merged."""
+    """A message of one of the recordings that are merged, with its log time in ns and its topic."""
 
     time_ns: int
     part: str
@@ -60,7 +60,7 @@ class Message(NamedTuple):
 
 
 class Source(NamedTuple):
-    """A topic in one of the recordings that are merged."""
+    """A topic in one of the recordings that are merged, with type, definition and metadata."""
 
     topic: str
     type: str
@@ -70,7 +70,7 @@ class Source(NamedTuple):
 
 
 class Part:
-    """Reader of a recording that is merged with others; it may be cut off."""
+    """Reader of a recording that is merged with others; it may be cut off, and its whole messages are read then."""
 
     def __init__(self, name: str, file: BinaryIO) -> None:
         self.name = name
@@ -96,7 +96,10 @@ class Part:
                 yield from self._of_chunk(content)
 
     def _next(self) -> tuple[int, bytes] | None:
-        """Reads the next record; None at the end of the file, or if the record is incomplete."""
+        """Reads the next record of a recording; None at the end of the file, or if the record is incomplete.
+
+        Raises `ValueError` if the record is of a kind or size that this package does not write.
+        """
         head = self._file.read(_HEAD.size)
         if len(head) < _HEAD.size:
             return None
@@ -144,7 +147,7 @@ class Part:
 
 
 class Target:
-    """Writer of the merged recording."""
+    """Writer of the merged recording, which gets one channel for topics that are the same in several recordings."""
 
     def __init__(self, path: Path) -> None:
         self._stream = Unbuffered(path)
@@ -153,7 +156,7 @@ class Target:
         self._channels: dict[tuple[str, str, str], tuple[int, Source]] = {}
 
     def add(self, message: Message) -> None:
-        """Adds a message; topics with the same name, type and definition become one channel."""
+        """Adds a message to the merged recording; topics with the same name, type and definition become one channel."""
         source = message.channel
         channel = self._known.get(source)
         if channel is None:
@@ -165,7 +168,11 @@ class Target:
         self._file.add_message(channel, message.time_ns, message.data)
 
     def close(self) -> tuple[list[RecordedTopic], int, int]:
-        """Completes the file; returns the topics, and log times of the first and last message."""
+        """Completes and closes the merged recording.
+
+        Returns:
+            The topics with their numbers of messages, and the log times of the first and last message in nanoseconds.
+        """
         self._file.finish()
         self._stream.close()
         counts, start_ns, end_ns = self._file.contents()
@@ -183,7 +190,9 @@ class Target:
 
 
 def join(folder: Path, names: Sequence[str]) -> dict[str, Any]:
-    """Merges the recordings of a run (its own and those of ROS topics) into one file.
+    """Merges the recordings of a run (its own and those of ROS topics) into its own file, and deletes the others.
+
+    Returns the number of messages added, and the names of files that are cut off.
 
     Args:
         folder: Output folder of a run whose processes have all ended.
@@ -230,14 +239,22 @@ def _write(path: Path, text: str) -> None:
 
 
 def _fresh(path: Path) -> Path:
-    """Deletes whatever is at a path, such as a link that a program left, and returns the path."""
+    """Returns the temporary path of a file, after deleting what is there, such as a link that a program left."""
     unfinished = unfinished_of(path)
     unfinished.unlink(missing_ok=True)
     return unfinished
 
 
 def main(folder: str, *names: str) -> int:
-    """Entry point of a child process that merges a run's recordings; returns the exit code."""
+    """Entry point of a child process that merges a run's recordings; ends with its parent, and limits its own memory.
+
+    Writes the result as JSON to standard output. Returns the exit code: 1 if merging failed, with the reason on
+    standard error, else 0.
+
+    Args:
+        folder: Folder of the recordings.
+        names: Names of the files to merge.
+    """
     die_with_parent()
     resource.setrlimit(resource.RLIMIT_AS, (_MEMORY_BYTES, _MEMORY_BYTES))
     try:

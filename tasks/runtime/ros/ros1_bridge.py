@@ -35,7 +35,7 @@ SOCKET_VARIABLE = "ROBOMAKER_ROS1_SOCKET"
 """Name of the environment variable with the path of the simulation's socket for the bridge."""
 
 BRIDGE = Path(__file__)
-"""Path of the program."""
+"""Path of the ROS 1 bridge's program."""
 
 PROTOCOL = "robomaker-ros1"
 VERSION = 1
@@ -84,10 +84,10 @@ class Gone(Exception):
 
 
 class Link:
-    """Connection from the ROS 1 bridge process to the simulation."""
+    """Connection from the ROS 1 bridge process to the simulation; `Gone` is raised once the simulation closes it."""
 
     def __init__(self, path: str) -> None:
-        """Connects to the simulation's socket.
+        """Connects the ROS 1 bridge process to the simulation's socket.
 
         Raises:
             OSError: The simulation does not listen on the socket.
@@ -106,14 +106,17 @@ class Link:
         threading.Thread(target=self._send_all, name="to-simulation", daemon=True).start()
 
     def tell(self, state: dict[str, Any]) -> None:
-        """Sends the bridge's state to the simulation; a newer state replaces an unsent one."""
+        """Queues the bridge's state for the simulation.
+
+        A newer state replaces an unsent one. A too long one is dropped.
+        """
         content = json.dumps(state, separators=(",", ":"), sort_keys=True).encode("ascii")
         if len(content) <= MOST_BYTES[STATE]:
             self._state = HEADER.pack(len(content), STATE) + content
             self._wakes.set()
 
     def command(self, velocity: tuple[float, ...]) -> None:
-        """Sends a velocity command to the simulation."""
+        """Queues a velocity command for the simulation; nothing is waited for."""
         self._commands.append(HEADER.pack(VELOCITY.size, COMMAND) + VELOCITY.pack(*velocity))
         self._wakes.set()
 
@@ -197,7 +200,7 @@ class Meeting:
     """Waits for both the simulation and the ROS 1 master, and reports which is missing."""
 
     def __init__(self, path: str, uri: str) -> None:
-        """Stores the addresses.
+        """Stores the addresses of the simulation and of the ROS 1 master, which are waited for later.
 
         Args:
             path: Path of the simulation's socket.
@@ -252,7 +255,10 @@ class Meeting:
 
 
 def velocity_in(ros_type: str, content: bytes) -> tuple[float, ...]:
-    """Parses the velocity command in a ROS 1 message; missing numbers are NaN."""
+    """Returns the velocity command in a ROS 1 message: six velocities and the time stamp in seconds.
+
+    Numbers that the message does not have are NaN, as are all of a damaged message.
+    """
     try:
         if ros_type == "geometry_msgs/Twist":
             return (*_TWIST.unpack(content), math.nan)
@@ -284,7 +290,12 @@ class Bridge:
     """ROS 1 node that publishes the simulation's topics and subscribes velocity commands."""
 
     def __init__(self, link: Link, greeting: dict[str, Any]) -> None:
-        """Creates publishers and subscribers; the ROS node already exists."""
+        """Creates publishers and subscribers of ROS 1 for the topics in the greeting; the ROS node already exists.
+
+        Args:
+            link: Connection to the simulation.
+            greeting: First message of the simulation, with its topics.
+        """
         self._rospy = rospy = import_module("rospy")
         self._link = link
         self._topics = greeting["topics"]
@@ -299,14 +310,14 @@ class Bridge:
         )
 
     def publish(self, content: memoryview) -> None:
-        """Publishes a message on the topic whose index it has."""
+        """Publishes a message of the simulation on the ROS 1 topic whose index precedes it."""
         number = TOPIC.unpack_from(content)[0]
         message = self._kinds[number]()
         message._buff = content[TOPIC.size :]
         self._publishers[number].publish(message)
 
     def state(self) -> dict[str, Any]:
-        """Returns which ROS 1 nodes are connected."""
+        """Returns which topics ROS 1 nodes hear, how many nodes send commands, and commands of a wrong type."""
         heard = []
         for topic, publisher in zip(self._topics, self._publishers):
             names = [str(connection[1]) for connection in publisher.impl.get_stats_info()]
@@ -320,7 +331,11 @@ class Bridge:
         }
 
     def tell_states(self, uri: str) -> None:
-        """Reports regularly to the simulation which ROS 1 nodes are connected."""
+        """Tells the simulation which ROS 1 nodes are connected, whenever that changes, until ROS shuts down.
+
+        Args:
+            uri: Address of the ROS master, which is asked whether nodes use simulated time.
+        """
         last: dict[str, Any] = {}
         while not self._rospy.is_shutdown():
             state = self.state()
@@ -346,7 +361,10 @@ class Bridge:
 
 
 def main() -> int:
-    """Entry point of the ROS 1 bridge process; runs until the simulation closes the connection."""
+    """Entry point of the ROS 1 bridge process; runs until the simulation closes the connection.
+
+    Returns the exit code, which is 1 if the ROS master, or another node of this name, ended it.
+    """
     rospy = import_module("rospy")  # before it waits: it takes half a second
     uri, path = os.environ.get("ROS_MASTER_URI") or "http://localhost:11311", os.environ[SOCKET_VARIABLE]
     try:

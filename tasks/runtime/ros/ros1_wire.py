@@ -42,10 +42,10 @@ _logger = logging.getLogger(__name__)
 
 
 class Ros1Wire:
-    """Connection from the simulation to ROS 1 nodes, through a bridge process."""
+    """Connection from the simulation to ROS 1 nodes, through a bridge process: an implementation of `Wire`."""
 
     def __init__(self, plan: RunPlan) -> None:
-        """Stores the settings; the socket is opened by `open`.
+        """Stores a run's settings for ROS 1; the socket for the bridge process is opened by `open`.
 
         Args:
             plan: Plan of the run, in whose folder the socket is.
@@ -67,7 +67,7 @@ class Ros1Wire:
         self._peers = Peers()
 
     def open(self, topics: Sequence[Topic], command_topic: str) -> None:
-        """Announces topics, and subscribes the velocity commands.
+        """Opens the socket for the bridge to ROS 1 nodes, which announces topics and subscribes velocity commands.
 
         Raises:
             LaunchError: A topic's type is not in ROS 1, or the bridge cannot be listened for.
@@ -90,7 +90,12 @@ class Ros1Wire:
         self._listener = AgentSocket(self._plan, ROS1_SOCKET)
 
     def send(self, topic: str, message: bytes) -> None:
-        """Publishes a message: CDR, little endian, with its encapsulation header of four bytes."""
+        """Publishes a message to ROS 1 nodes; without a bridge process it is dropped, unless its topic is latched.
+
+        Args:
+            topic: Name of the topic.
+            message: The message in CDR, little endian, with its encapsulation header of four bytes.
+        """
         number = self._numbers[topic]
         about = self._topics[number]
         if self._link is None and not about.is_latched:
@@ -113,7 +118,7 @@ class Ros1Wire:
         return taken
 
     def wait(self, timeout_s: float) -> bool:
-        """Waits until a velocity command arrives; returns whether one did."""
+        """Waits until a velocity command arrives, at most for a time in seconds; returns whether one did."""
         deadline_s = time.monotonic() + timeout_s
         while True:
             self._look()
@@ -128,7 +133,7 @@ class Ros1Wire:
             select.select(reads, [link.connection] if link is not None and link.is_behind else [], [], left_s)
 
     def peers(self) -> Peers:
-        """Returns which ROS 1 nodes are connected."""
+        """Returns which ROS 1 nodes are connected, as the bridge process told last."""
         self._look()
         return self._peers
 
@@ -225,10 +230,10 @@ class Ros1Wire:
 
 
 class _Link:
-    """A non-blocking connection to a bridge process."""
+    """Connection to a bridge process that never waits: messages are queued, and dropped if the process is too slow."""
 
     def __init__(self, connection: socket.socket, greeting: bytes, dropped: Counter[str]) -> None:
-        """Starts sending the greeting to a newly connected bridge process."""
+        """Prepares the connection to a bridge process; the greeting is the first that is sent on it."""
         self.connection = connection
         self._frames = FrameBuffer({kind: MOST_BYTES[kind] for kind in (COMMAND, STATE)})
         self._begun = memoryview(greeting)

@@ -66,7 +66,7 @@ class RosBridge:
     """ROS bridge of a run: publishes the simulation's topics, and makes an agent that ROS nodes drive."""
 
     def __init__(self, plan: RunPlan, robot: str, recorder: Recorder, clock: Callable[[], float] = time.monotonic):
-        """Stores the settings; nothing is announced yet.
+        """Stores a run's settings for its ROS bridge; nothing is announced yet.
 
         Args:
             plan: Plan of the run, including the ROS bridge's.
@@ -92,7 +92,7 @@ class RosBridge:
         self._environment = environment
 
     def _open(self) -> None:
-        """Announces the topics; errors are reported by `missing`."""
+        """Connects to the ROS nodes and announces the topics; an error is not raised but told by `missing`."""
         environment, self._environment = self._environment, None
         try:
             self._options = _options_for(environment, self._ros.options)
@@ -109,7 +109,10 @@ class RosBridge:
         self.recorder.attach(wire, names, frames, () if self._options.localization == "truth" else {frames.odometry})
 
     def came(self) -> bool:
-        """Returns whether ROS nodes are connected that can drive, or that wait for simulated time."""
+        """Whether ROS nodes are connected that can drive, or that wait for simulated time, and have been for a moment.
+
+        The first call announces the topics; false if that failed, or if the last look was less than 0.1 s ago.
+        """
         if self._environment is not None:
             self._open()
         if self._wire is None:
@@ -128,7 +131,7 @@ class RosBridge:
         return self._heard_since_s is not None and now_s - self._heard_since_s >= _LISTENERS_S
 
     def missing(self) -> str:
-        """Describes which ROS nodes are missing, and which are connected."""
+        """Describes which ROS nodes are missing and which are connected, or why none is reached, for an error."""
         if self._environment is not None:
             self._open()
         if self._problem is not None:
@@ -142,7 +145,7 @@ class RosBridge:
         )
 
     def make_agent(self, environment: dm_env.Environment, stop: Any, keep: Callable[[bytes], None]) -> "RosAgent":
-        """Makes the agent whose actions are the velocity commands of ROS nodes.
+        """Returns the agent whose actions are the velocity commands of ROS nodes, and says so in the run's log.
 
         Args:
             environment: Environment in which the nodes drive.
@@ -171,6 +174,8 @@ class RosBridge:
     def close(self, ended_by: str | None = None) -> Findings:
         """Disconnects from the ROS nodes; returns findings about them for the run's result.
 
+        The run did not end normally if the reason of its end is `None` or a `RunStop`.
+
         Raises:
             LaunchError: The run ended normally, but the nodes never sent a command, so nothing was tested.
         """
@@ -198,7 +203,18 @@ class RosAgent:
         keep: Callable[[bytes], None],
         clock: Callable[[], float],
     ) -> None:
-        """Creates the agent with a robot that stands still; see `RosBridge.make_agent`."""
+        """Creates the agent with a robot that stands still; see `RosBridge.make_agent`.
+
+        Args:
+            wire: Connection to the ROS nodes.
+            recorder: Recorder that also publishes to the nodes.
+            timing: Strategy by which simulated time advances.
+            options: ROS options of the job.
+            robot: Name of the robot application, for errors.
+            environment: The environment.
+            keep: Called with each action, to record it.
+            clock: Monotonic clock, in seconds.
+        """
         self._wire, self._recorder, self._timing, self._options = wire, recorder, timing, options
         self._robot, self._environment, self._keep, self._clock = robot, environment, keep, clock
         self._command_topic = command_topic(options)
@@ -255,7 +271,7 @@ class RosAgent:
         return self._commands
 
     def silent(self) -> LaunchError:
-        """Makes the error about ROS nodes that sent no commands."""
+        """Returns, without raising it, the error about ROS nodes that sent no commands."""
         return LaunchError(
             f"the nodes of robot application {self._robot} sent no command on {self._command_topic} in "
             f"{self._time_s:.2f} s of simulated time; topics that they listen to: "
@@ -264,7 +280,7 @@ class RosAgent:
         )
 
     def findings(self) -> Findings:
-        """Returns figures about the exchange with ROS nodes for the run's result."""
+        """Returns figures about the exchange with ROS nodes, and notes on its defects, for the run's result."""
         self._heard |= self._wire.peers().heard  # lock-step may take all its steps between two looks
         about: dict[str, Any] = {
             "wire": self._wire.name,
@@ -312,7 +328,10 @@ class RosAgent:
         return np.array((self._command.linear_mps[0], self._command.angular_radps[2]))
 
     def _look(self, time_s: float) -> None:
-        """Detects nodes that connect and disconnect, and acts on it."""
+        """Looks, now and then, which nodes are connected, and notes several commanders and wrong types for the result.
+
+        Raises `StopIteration`, which ends the run, if all nodes that sent commands have been gone for some seconds.
+        """
         now_s = self._clock()
         if now_s - self._looked_at_s < _LOOK_S and self._steps > 1:
             return
@@ -374,7 +393,14 @@ def _next_goal(
     here: tuple[float, float],
     now: tuple[float, float] | None,
 ) -> tuple[float, float] | None:
-    """Returns the last goal until it is visited, then the nearest unvisited one; None at the end."""
+    """Returns the present goal until it is visited, then the nearest unvisited one; None if all are visited.
+
+    Args:
+        goals: Positions in metres, shape (goals, 2).
+        visited: Whether each goal is visited.
+        here: Position of the robot in metres.
+        now: Present goal; None: there is none yet.
+    """
     left = [(float(x), float(y)) for (x, y), done in zip(goals, visited, strict=True) if not done]
     if now in left:
         return now
@@ -388,7 +414,10 @@ def _since(since_s: float | None, now_s: float, holds: bool) -> float | None:
 
 
 def _options_for(environment: Any, given: RosOptions) -> RosOptions:
-    """Merges the ROS options of the robot's `robot.yaml` with those of the launch configuration, which win."""
+    """Merges the ROS options of the robot's `robot.yaml` with those of the launch configuration, which win.
+
+    Raises `LaunchError` if the merged options are invalid.
+    """
     robot = robot_of(environment)
     own = dict(robot.ros) if robot is not None else {}
     try:
@@ -400,7 +429,7 @@ def _options_for(environment: Any, given: RosOptions) -> RosOptions:
 
 
 def _check_actions(environment: Any, robot_application: str) -> None:
-    """Raises an error for an environment that cannot be driven by velocity commands."""
+    """Raises `LaunchError` for an environment that cannot be driven by velocity commands: actions of two numbers."""
     robot = robot_of(environment)
     spec = environment.action_spec() if callable(getattr(environment, "action_spec", None)) else None
     shape = getattr(spec, "shape", None)

@@ -32,6 +32,8 @@ class Timing(Protocol):
     def next_command(self, time_s: float, *, scanned: bool) -> Command | None:
         """Waits as the strategy demands, and returns the newest velocity command since the last call.
 
+        `None` if there is none.
+
         Args:
             time_s: Simulated time of the step.
             scanned: Whether a scan was published with the step.
@@ -48,13 +50,19 @@ class Timing(Protocol):
 
 
 class _Waits:
-    """Waiting for wall-clock time or a command, with checks whether the run has to stop."""
+    """Waiting for wall-clock time or a command of ROS nodes; `RunStopped` is raised if the run has to stop."""
 
     def __init__(self, wire: Wire, stop: Stop, clock: Clock) -> None:
         self.wire, self._stop, self.clock = wire, stop, clock
 
     def until(self, due_s: float) -> Command | None:
-        """Waits until a wall-clock time; returns the newest velocity command received meanwhile."""
+        """Waits until a wall-clock time; returns the newest velocity command received meanwhile, `None` without one.
+
+        Raises `RunStopped` if the run has to stop.
+
+        Args:
+            due_s: Time of `clock`, in seconds.
+        """
         newest: Command | None = None
         while True:
             if commands := self.wire.take():
@@ -69,7 +77,14 @@ class _Waits:
             time.sleep(min(0.001, left_s))
 
     def first(self, due_s: float, is_answer: Callable[[Command], bool] = lambda _: True) -> Command | None:
-        """Waits for a velocity command, at most until a wall-clock time."""
+        """Waits for a velocity command, and returns the first that is an answer; `None` if none came in time.
+
+        Raises `RunStopped` if the run has to stop.
+
+        Args:
+            due_s: Time of `clock` until which to wait, in seconds.
+            is_answer: Decides whether a command is the awaited one; others are dropped.
+        """
         while True:
             for command in self.wire.take():
                 if is_answer(command):
@@ -94,7 +109,10 @@ class Free:
         self._due_s: float | None = None
 
     def next_command(self, time_s: float, *, scanned: bool) -> Command | None:
-        """Returns the newest command when real time has caught up with simulated time; see `Timing`."""
+        """Waits until real time has caught up with simulated time, and returns the newest command (see `Timing`).
+
+        Returns `None` if none came. Raises `RunStopped` if the run has to stop.
+        """
         del time_s, scanned  # the wall clock decides
         now_s = self._waits.clock()
         # Lost time is not made up for: a burst of steps after a pause would be worse.
@@ -123,7 +141,14 @@ class Paced:
         self._waited_for = self._silences = 0
 
     def next_command(self, time_s: float, *, scanned: bool) -> Command | None:
-        """Returns the newest command, and waits if time is too far ahead of it; see `Timing`."""
+        """Returns the newest command, or `None`; waits for one if simulated time is too far ahead of the last.
+
+        If none comes for a while, it does not wait again until the next command. See `Timing`.
+
+        Args:
+            time_s: Simulated time in seconds.
+            scanned: Whether a scan was published in this step.
+        """
         command = self._free.next_command(time_s, scanned=scanned)
         if command is None and self._commanded_at_s is not None and time_s - self._commanded_at_s >= self._ahead_s:
             began_s = self._waits.clock()
@@ -156,7 +181,15 @@ class Lockstep:
         """Simulated time of the last step that had to be answered by a command."""
 
     def next_command(self, time_s: float, *, scanned: bool) -> Command | None:
-        """Waits for the command that answers the step; see `Timing`."""
+        """Waits for the command that answers the step, and returns it; see `Timing`.
+
+        Returns `None` if the step needs no answer, or none came in time. Raises `TimerNodeError` if too many steps stay
+        without an answer.
+
+        Args:
+            time_s: Simulated time in seconds.
+            scanned: Whether a scan was published in this step.
+        """
         if not (scanned or self._each_step):
             return None
         began_s = self._waits.clock()

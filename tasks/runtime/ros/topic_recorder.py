@@ -84,7 +84,7 @@ class SimulatedClock:
         self._times_ns: deque[int] = deque(maxlen=_CLOCKS)
 
     def add(self, message: Received) -> None:
-        """Adds a received `/clock` message to the known times."""
+        """Adds the time of a received `/clock` message to the known ones; damaged and late messages are ignored."""
         if len(message.data) < _CLOCK_BYTES or (self._sent_ns and message.sent_ns < self._sent_ns[-1]):
             return
         seconds = int.from_bytes(message.data[4:8], "little", signed=True)
@@ -101,7 +101,7 @@ class SimulatedClock:
 
 @dataclass
 class Recorded:
-    """A topic that the topic recorder records."""
+    """A topic that is recorded: subscriptions, counts, channel, and messages that wait until its type is known."""
 
     name: str
     type: str
@@ -137,7 +137,7 @@ class Recorded:
 
 
 class Publisher(NamedTuple):
-    """Publisher of a recorded topic."""
+    """Publisher of a recorded topic: whether it is the simulation, and by which subscription it is heard."""
 
     is_simulation: bool
     topic: Recorded | None = None
@@ -200,7 +200,7 @@ class TopicRecorder:
         self._said: RecorderReport | None = None
 
     def run(self, is_stopped: Callable[[], bool]) -> None:
-        """Records until stopped.
+        """Records all topics of the ROS 2 domain until it is stopped.
 
         Raises:
             OSError: The file cannot be written.
@@ -212,7 +212,7 @@ class TopicRecorder:
             self.look()
 
     def close(self) -> None:
-        """Writes pending messages, and completes the file.
+        """Writes pending messages, and completes the recording and its report.
 
         Raises:
             OSError: The file cannot be written.
@@ -226,7 +226,10 @@ class TopicRecorder:
         self._report()
 
     def look(self) -> None:
-        """Takes new messages, and writes those whose type definition is known."""
+        """Takes new messages and publishers, and writes the messages whose type definition is known.
+
+        Asks for missing definitions, and now and then writes pending data and the report.
+        """
         # Publishers are known before their messages, and the clock of their time when they come.
         taken = self._taken()
         for publication in self._listener.changes():
@@ -300,7 +303,10 @@ class TopicRecorder:
     # Definitions
 
     def _ask(self, topic: Recorded, question: Question) -> None:
-        """Requests the definition of a type from all nodes in the publisher's process, and checks for a reply."""
+        """Requests a type's definition from all nodes in the publisher's process, and opens the channel on a reply.
+
+        If no definition comes in time, or held messages need too much memory, the channel is opened without one.
+        """
         for service in self._services.get(question.participant, set()):
             if service not in question.calls:
                 with suppress(ListenError):
@@ -328,7 +334,7 @@ class TopicRecorder:
     # Messages
 
     def _taken(self) -> list[tuple[Recorded, Received]]:
-        """Takes the received messages, in the order in which they were sent."""
+        """Takes the messages received since the last call, each with its topic, in the order of their sending."""
         taken = [
             (topic, is_latched, message)
             for topic in self._topics.values()
@@ -372,7 +378,7 @@ class TopicRecorder:
     # The report
 
     def _report(self) -> None:
-        """Writes the report atomically, if it has changed."""
+        """Writes the report file beside the recording, atomically, if the report has changed."""
         reports = [topic.report() for topic in self._topics.values()]
         report = RecorderReport(domain=self._domain, topics=[*reports, *self._refused.values()])
         if report == self._said:
@@ -390,7 +396,13 @@ def _offer(found: Announced) -> Offer:
 
 
 def main(text: str) -> int:
-    """Entry point of the topic recorder's process; returns the exit code."""
+    """Entry point of the process that records all ROS 2 topics of a run until it gets the signal SIGTERM; returns 0.
+
+    Writes a recording and a report into the output folder; ends with its parent.
+
+    Args:
+        text: Request as JSON.
+    """
     die_with_parent()
     request = RecorderRequest.model_validate_json(text)
     stopped: list[int] = []

@@ -77,7 +77,7 @@ class PackageFiles:
     """Type definitions in `.msg` and `.srv` files of packages, searched on first use."""
 
     def __init__(self, folders: Sequence[Path]) -> None:
-        """Stores the folders, without searching them yet.
+        """Stores the folders in which ROS packages may be, without searching them yet.
 
         Args:
             folders: Folders of bundles and ROS installations, with packages at any depth; the first that has a package
@@ -162,7 +162,7 @@ class PackageFiles:
 
 
 def _read(path: Path) -> str:
-    """Reads a definition file.
+    """Returns the text of a ROS definition file.
 
     Raises:
         OSError: The path is not a regular file, or the file is too large.
@@ -193,7 +193,13 @@ def _hash_of(ros_type: str, definition: str, characters_as: str = "char") -> str
 
 
 def _types_of(definition: str, ros_type: str, characters_as: str) -> Any:
-    """Parses the types of a definition; those of services get names that the parser accepts as messages."""
+    """Parses the types of a ROS definition; those of services get names that the parser accepts as messages.
+
+    Args:
+        definition: Text of the definition.
+        ros_type: Its type, such as `std_msgs/msg/String`.
+        characters_as: Type that a field of type `char` gets.
+    """
     package, kind, name = ros_type.split("/")
     parsed = get_types_from_msg(definition, f"{package}/msg/{name}")
     service = re.escape(name.rpartition("_")[0])
@@ -227,7 +233,7 @@ def confirmed_hash(ros_type: str, definition: str, type_hash: str) -> str:
 
 
 def request_of(ros_type: str, type_hash: str) -> bytes:
-    """Makes a `get_type_description` service request for a message type, as CDR."""
+    """Returns the request of the service `get_type_description` for a message type, as CDR bytes."""
     store = _asking_store()
     message = store.types[_REQUEST](ros_type, type_hash, True)
     return bytes(store.serialize_cdr(message, _REQUEST, little_endian=True))

@@ -6,7 +6,7 @@ from typing import NamedTuple, Protocol
 
 
 class Topic(NamedTuple):
-    """A ROS topic that the simulation publishes."""
+    """A ROS topic that the simulation publishes: name, type, and quality of service."""
 
     name: str
     """Topic name with its slash, such as `/scan`."""
@@ -43,7 +43,7 @@ class Command(NamedTuple):
 
 @dataclass(frozen=True)
 class Peers:
-    """ROS nodes that are connected to the simulation."""
+    """Facts about connected ROS nodes: topics that they hear, senders of commands, and commands of a wrong type."""
 
     heard: frozenset[str] = frozenset()
     """Topics of the simulation that at least one node subscribes to."""
@@ -73,7 +73,12 @@ class Wire(Protocol):
         ...
 
     def send(self, topic: str, message: bytes) -> None:
-        """Publishes a message: CDR, little endian, with its encapsulation header of four bytes."""
+        """Publishes a message to the ROS nodes that subscribe to a topic.
+
+        Args:
+            topic: Name of an announced topic.
+            message: The message in CDR, little endian, with its encapsulation header of four bytes.
+        """
         ...
 
     def take(self) -> list[Command]:
@@ -81,11 +86,11 @@ class Wire(Protocol):
         ...
 
     def wait(self, timeout_s: float) -> bool:
-        """Waits until a velocity command arrives; returns whether one did."""
+        """Waits until a velocity command arrives, at most for a time in seconds; returns whether one did."""
         ...
 
     def peers(self) -> Peers:
-        """Returns which ROS nodes are connected."""
+        """Returns the topics that connected ROS nodes hear, and number and wrong types of publishers of commands."""
         ...
 
     def close(self) -> None:

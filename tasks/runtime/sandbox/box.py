@@ -19,7 +19,9 @@ from .visible_files import Sight, View, ordered, paths_in, python_paths, system_
 
 
 def fork_beside(become: Callable[[], NoReturn]) -> int:
-    """Forks a process in its own session, which dies with this process.
+    """Forks a process in its own session, which dies with this process, to run a function.
+
+    If the function raises or returns, the process ends with code 1.
 
     Args:
         become: Function that the new process runs; it must not return.
@@ -135,7 +137,10 @@ class Furnishing:
             kernel.restrict_mount(target, kernel.READ_ONLY)
 
     def _make_place(self, target: str, *, is_folder: bool) -> None:
-        """Creates a mount point (file or folder) unless it exists; never through a link out of the new root."""
+        """Creates a mount point (file or folder) in the new root unless it exists.
+
+        Raises `OSError` if a link leads out of the new root.
+        """
         if os.path.exists(target) and os.path.realpath(target).startswith(self._root + "/"):
             return
         parent = target if is_folder else os.path.dirname(target)
@@ -248,7 +253,10 @@ class Box:
         return _orphan(lambda: kernel.enter_namespaces(self.keeper, self._kinds), become)
 
     def join_network(self) -> None:
-        """Moves this process into the sandbox's network and user namespace."""
+        """Moves this process into the sandbox's network and user namespace.
+
+        Does nothing if runs have the full network.
+        """
         if self._network != "full":
             kernel.enter_namespaces(self.keeper, kernel.NEW_USER | kernel.NEW_NETWORK)
 
@@ -261,7 +269,7 @@ class Box:
         self._control.close()
 
     def close(self) -> None:
-        """Ends all processes in the sandbox."""
+        """Kills the sandbox's first process, with which all processes in the sandbox end, and waits for that."""
         self._control.close()
         for door, _ in self.doors:
             door.close()
@@ -321,7 +329,10 @@ def _help(
 
 
 def _begin(theirs: socket.socket, become: Callable[[], NoReturn]) -> None:
-    """Runs in the second fork: waits until the supervisor has adopted it, then calls `become`."""
+    """Runs in the second fork: waits until the supervisor has adopted it, then calls `become`; never returns.
+
+    Ends the process with code 1 if the supervisor is gone.
+    """
     try:
         if theirs.recv(1) == _READY:
             os.setsid()
@@ -343,7 +354,10 @@ def _identity(path: str) -> list[int] | None:
 
 
 def _known(path: str, view: View, identity: list[int] | None) -> Sight:
-    """Checks that a path is the same file in this mount namespace, which lacks later mounts; returns its `Sight`."""
+    """Checks that a path is the same file in this mount namespace, which lacks later mounts; returns its `Sight`.
+
+    Raises `OSError` if it is not. Paths that are only hidden are not checked.
+    """
     if view != "hide" and _identity(path) != identity:
         raise OSError(f"{path} is on a file system that was mounted after the box was made")
     return Sight(path, view)
@@ -356,7 +370,10 @@ def _unshare_all() -> None:
 
 
 def _keep(control: socket.socket) -> NoReturn:
-    """Runs the sandbox's first process: builds the file system, gives up privileges, and reaps processes."""
+    """Runs the sandbox's first process, for ever: builds the file system, gives up privileges, and reaps processes.
+
+    Ends the process with code 1, and sends the reason, if the sandbox cannot be built; with 0 if it is not needed.
+    """
     descriptor = control.fileno()
     os.closerange(3, descriptor)
     os.closerange(descriptor + 1, os.sysconf("SC_OPEN_MAX"))

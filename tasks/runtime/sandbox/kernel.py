@@ -35,12 +35,18 @@ _LIBC = ctypes.CDLL(None, use_errno=True)
 
 
 def unshare(kinds: int) -> None:
-    """Creates new Linux namespaces of some kinds for this process (`unshare`)."""
+    """Creates new Linux namespaces of some kinds for this process (`unshare`).
+
+    Raises `OSError` if the kernel refuses.
+    """
     _check(_LIBC.unshare(kinds), "unshare")
 
 
 def enter_namespaces(pid: int, kinds: int) -> None:
-    """Moves this process into another process's namespaces; process namespaces only affect its children."""
+    """Moves this process into another process's namespaces; process namespaces only affect its children.
+
+    Raises `OSError` if the kernel refuses.
+    """
     descriptor = os.pidfd_open(pid)
     try:
         _check(_LIBC.setns(descriptor, kinds), "setns")
@@ -49,7 +55,10 @@ def enter_namespaces(pid: int, kinds: int) -> None:
 
 
 def keep_identity(user: int, group: int) -> None:
-    """Maps this user and group to themselves in a new user namespace."""
+    """Maps this user and group to themselves in the new user namespace of this process.
+
+    Writes to `/proc/self`, after which the process cannot change its groups.
+    """
     Path("/proc/self/setgroups").write_text("deny")
     Path("/proc/self/uid_map").write_text(f"{user} {user} 1")
     Path("/proc/self/gid_map").write_text(f"{group} {group} 1")
@@ -79,7 +88,10 @@ def restrict_mount(target: str, attributes: int, *, below: bool = True) -> None:
 
 
 def change_root(folder: str) -> None:
-    """Makes a mounted folder the root of this mount namespace."""
+    """Makes a mounted folder the root of this mount namespace, and detaches the old root.
+
+    The working directory of the process becomes the new root. Raises `OSError` if the kernel refuses.
+    """
     os.chdir(folder)
     _check(_LIBC.syscall(_number(_PIVOT_ROOT), b".", b"."), "pivot_root")
     _check(_LIBC.umount2(b".", _MNT_DETACH), "umount")
@@ -233,7 +245,10 @@ _REFUSED = {  # on x86-64, on i386, on 64-bit ARM
 
 
 class _Machine(NamedTuple):
-    """System call numbers of a machine type; programs of several types can run on one machine."""
+    """Numbers of system calls on a machine type, by which they are filtered.
+
+    One kernel may run programs of several types.
+    """
 
     identity: int
     column: int
@@ -320,6 +335,8 @@ def _instruction(code: int, value: int, *, then: int = 0, otherwise: int = 0) ->
 
 def give_up_rights(level: BoxLevel, rules: Sequence[Rules] = ()) -> None:
     """Confines this process and its children for good, at a given sandbox level.
+
+    System calls that jobs do not need are blocked at the levels `box` and `landlock`.
 
     Args:
         level: Sandbox level: `box` gives up the privileges over the box that the process is already in; `landlock`

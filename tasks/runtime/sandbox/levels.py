@@ -20,7 +20,10 @@ class Confinement(NamedTuple):
 
 
 def strongest_level() -> Confinement:
-    """Tries the sandbox levels, strongest first, and returns the first that works."""
+    """Tries the sandbox levels, strongest first, and returns the first that works on this machine, for this user.
+
+    The result also says why stronger levels do not work. This process adopts orphaned descendants from then on.
+    """
     adopt_orphans()
     system_sights()  # looked for once, and known to all that is forked from this process
     try:

@@ -65,7 +65,10 @@ def marked_runs(home: Path) -> Mapping[int, str]:
 
 
 def ancestors(pid: int) -> list[int] | None:
-    """Returns a process and all its ancestors; `None` if one of them has ended meanwhile."""
+    """Returns the ids of a process and all its ancestors, the process first.
+
+    Returns `None` if one of them has ended meanwhile, or there are too many.
+    """
     found = [pid]
     while len(found) < _MOST_ANCESTORS:
         process = process_state(found[-1])
@@ -105,7 +108,7 @@ class ConnectionEnd(NamedTuple):
 
 @dataclass(frozen=True)
 class Caller:
-    """The process at the other end of a local connection, and the job it belongs to."""
+    """The process at the other end of a local connection: the job it belongs to, if any, or why that is not known."""
 
     job: str | None = None
     """ARN of the job to which the process belongs; `None`: no job."""
@@ -129,7 +132,10 @@ class Callers:
         self._can_tell = os.path.exists("/proc/self/ns/pid")  # else there are no boxes either
 
     def who(self, peer: Address, server: Address) -> Caller:
-        """Finds the process that has opened a connection.
+        """Returns which process has opened a connection to this one, and which job that belongs to.
+
+        Callers from other machines, and callers in no job, have neither job nor reason. A known caller is remembered
+        for a while.
 
         Args:
             peer: Address and port of the caller's end of the connection.
@@ -165,7 +171,7 @@ class Callers:
 
 
 def end_of_connection(peer: Address, server: Address) -> ConnectionEnd | None:
-    """Asks the kernel for the other end of a local connection; `None` if it has ended."""
+    """Returns the other end of a local connection, asking the kernel; `None` if the connection has ended."""
     try:
         return _asked(peer, server)
     except OSError:  # such questions are refused here
@@ -193,7 +199,7 @@ def _asked(peer: Address, server: Address) -> ConnectionEnd | None:
 
 
 def _listed(peer: Address, server: Address) -> ConnectionEnd | None:
-    """Finds the other end of a local connection in the kernel's list of all connections."""
+    """Returns the other end of a local connection from the kernel's list of all connections; `None` if it has none."""
     wanted = (_written(peer), _written(server))
     name = "tcp6" if ":" in peer[0] else "tcp"
     with suppress(OSError), Path(f"/proc/net/{name}").open() as lines:
@@ -242,7 +248,10 @@ def _caller_of(pid: int, runs: Mapping[int, str]) -> Caller:
 
 
 def _of_another_user(user: int) -> Caller:
-    """Makes the caller for a socket of another user: its process cannot be seen; only a container's job has one."""
+    """Returns the caller for a socket of another user, whose process cannot be seen.
+
+    It is unknown if that user has processes in containers, which jobs may have started; else it is no job.
+    """
     with os.scandir("/proc") as entries:
         for entry in entries:
             if entry.name.isdecimal() and _is_contained(entry.name, user):
@@ -260,7 +269,10 @@ def _is_contained(pid: str, user: int) -> bool:
 
 
 def as_address(given: object) -> Address | None:
-    """Normalises a TCP address (IPv6-mapped IPv4, scope); `None` if it is not one."""
+    """Returns a TCP address with its host in the usual form (IPv4 if it is mapped to IPv6, no scope) and its port.
+
+    Returns `None` if the value is no such address.
+    """
     if not isinstance(given, tuple) or len(given) < 2:
         return None
     host, port = given[0], given[1]

@@ -83,7 +83,7 @@ def _beside(path: str) -> Iterable[str]:
 
 
 def _worth_showing(paths: Iterable[str]) -> list[Path]:
-    """Chooses existing folders that contain little besides the wanted files and are not system folders."""
+    """Returns those of some paths that exist, sorted, without system folders and wide ones such as `/tmp`."""
     home = os.path.expanduser("~")
     foreign = {*_FOREIGN, home, os.path.realpath(home)}
     system = tuple(f"{path}/" for path in _SYSTEM)
@@ -95,12 +95,15 @@ def _worth_showing(paths: Iterable[str]) -> list[Path]:
 
 
 def ordered(sights: Iterable[Sight]) -> list[Sight]:
-    """Sorts visible files in the order in which they are mounted: folders before their content."""
+    """Returns visible files, each path once, in the order in which they are mounted: folders before their content."""
     return sorted({sight.path: sight for sight in sights}.values(), key=lambda sight: sight.path.count("/"))
 
 
 def _secrets_below(folder: str) -> list[str]:
-    """Lists paths below a folder that not all users may read; a sandboxed process of root could read them."""
+    """Lists paths below a folder that not all users may read, if this process is root: its sandbox could read them.
+
+    For other users the list is empty.
+    """
     if os.geteuid() != 0:
         return []
     found = []
@@ -114,7 +117,7 @@ def _secrets_below(folder: str) -> list[str]:
 
 
 def readable_rules(sights: Iterable[Sight]) -> list[Rules]:
-    """Converts a run's visible files to Landlock rules."""
+    """Converts a run's visible files, with those of the system, to Landlock rules; hidden paths get none."""
     every = [*system_sights(), *sights]
     hidden = {os.path.realpath(sight.path) for sight in every if sight.view == "hide"}
     rules = [Rules(path, writable=True) for path in (f"/dev/{name}" for name in _DEVICES)]

@@ -30,7 +30,7 @@ class CheckpointError(Exception):
 
 
 class RunTakenError(CheckpointError):
-    """Raised when another process already continues the run."""
+    """Raised when another process has locked the run's checkpoints, as it continues the run already."""
 
 
 class CheckpointHeader(Model):
@@ -46,13 +46,13 @@ class CheckpointHeader(Model):
 
 
 def discard_checkpoints(folder: Path) -> None:
-    """Deletes all checkpoints, so that the run begins anew."""
+    """Deletes all checkpoints in a folder, so that the run begins anew."""
     for path in checkpoints_in(folder):
         path.unlink()
 
 
 def last_checkpoint(folder: Path) -> tuple[Path, CheckpointHeader] | None:
-    """Finds the last complete checkpoint of a run."""
+    """Returns path and header of the last complete checkpoint in a folder; `None` if there is none."""
     for path in reversed(checkpoints_in(folder)):
         with suppress(OSError, ValidationError, CheckpointError):
             header = CheckpointHeader.model_validate_json(read_left(path, _MOST_BYTES).partition(b"\n")[0])
@@ -69,6 +69,8 @@ def wall_time_used_s(plan: RunPlan) -> float:
 
 def resumable_plan(folder: Path) -> tuple[RunPlan, CheckpointHeader]:
     """Returns the plan of an interrupted run, and its last checkpoint.
+
+    Makes sure that no other process is running it at that moment.
 
     Args:
         folder: The plan's `checkpoint_dir`.
@@ -150,7 +152,7 @@ def checkpoints_in(folder: Path) -> list[Path]:
 
 
 def payload_of(path: Path, header: CheckpointHeader) -> bytes:
-    """Reads the content of a checkpoint after its header.
+    """Reads and returns the content of a checkpoint after its header, after checking it.
 
     Raises:
         CheckpointError: The checkpoint is incomplete.
@@ -171,7 +173,7 @@ def write_whole(path: Path, *parts: bytes) -> None:
 
 
 def take_lock(path: Path) -> int:
-    """Takes a file lock until the descriptor is closed, or this process ends.
+    """Takes a file lock until the returned descriptor is closed, or this process ends.
 
     Raises:
         RunTakenError: Another process holds the lock.
@@ -191,10 +193,10 @@ _PAYLOAD = b"the trials are in the journal"
 
 
 class TrialCheckpoints:
-    """Checkpoints of a run with trials: the number of finished trials."""
+    """Checkpoints of a run with trials (the number of finished trials), in a folder that is locked for this process."""
 
     def __init__(self, plan: RunPlan) -> None:
-        """Locks the checkpoint folder.
+        """Locks the checkpoint folder of a run with trials for this process.
 
         Args:
             plan: Plan of the run.
@@ -215,7 +217,7 @@ class TrialCheckpoints:
             self._number, self._used_s = number_of(last[0]), last[1].wall_time_s
 
     def save_if_due(self, trials: int, sim_time_s: float) -> None:
-        """Writes a checkpoint if the last one is old enough.
+        """Writes a checkpoint of a job's trials if the last one is old enough; none for a run without checkpoints.
 
         Args:
             trials: Number of finished trials.
@@ -235,7 +237,7 @@ class TrialCheckpoints:
         )
 
     def close(self) -> None:
-        """Releases the checkpoint folder."""
+        """Releases the lock on the checkpoint folder, so that another process may continue the run."""
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None

@@ -48,7 +48,10 @@ class KeptPhysics:
         self._models = 0
 
     def kept(self, data: mujoco.MjData) -> tuple[str, bytes]:
-        """Returns the name of the model's file, and the bytes of the data that the file does not contain."""
+        """Returns the name of the model's file, and the bytes of the data that the file does not contain.
+
+        A new model is written to a file first; if there are too many, the name is empty, and all bytes are returned.
+        """
         whole = data.__getstate__()
         if not (self._common and whole.startswith(self._common)) and self._models < _MOST_MODELS:
             self._keep_model(data.model, whole)
@@ -57,7 +60,7 @@ class KeptPhysics:
         return self._name, whole[len(self._common) :]
 
     def read(self, name: str, rest: bytes) -> mujoco.MjData:
-        """Restores the MuJoCo data that `kept` serialised.
+        """Restores and returns the MuJoCo data that `kept` serialised.
 
         Raises:
             CheckpointError: The file with the model is missing or incomplete.
@@ -154,7 +157,7 @@ class Checkpointer:
         plan: RunPlan,
         rng: np.random.Generator,
     ) -> None:
-        """Locks the checkpoint folder.
+        """Locks a run's checkpoint folder for this process, and looks for the last checkpoint.
 
         Args:
             plan: Plan of the run, with a `checkpoint_dir`.
@@ -185,7 +188,7 @@ class Checkpointer:
         return self._resumed is not None
 
     def begin(self, parts: RunParts) -> None:
-        """Checks that environment and agent support checkpoints; otherwise writes the reason to a file."""
+        """Checks that all parts of the run support checkpoints; otherwise none is written, and a file says why."""
         programs = [
             f"{program_in_words(program, self._plan)} is a program of its own, whose state cannot be restored"
             for program in self._plan.programs
@@ -194,7 +197,7 @@ class Checkpointer:
             self.give_up("; ".join(reasons))
 
     def give_up(self, reason: str) -> None:
-        """Stops writing checkpoints, and stores the reason."""
+        """Stops writing checkpoints for the rest of the run, and writes the reason to a file."""
         self._next_time_s = float("inf")
         write_whole(self._folder / REASON_FILE, reason.encode())
 
@@ -256,7 +259,7 @@ class Checkpointer:
         return kept["loop"]
 
     def close(self) -> None:
-        """Releases the checkpoint folder."""
+        """Releases the lock on the checkpoint folder, so that another process may continue the run."""
         os.close(self._lock)
 
     def _payload(self, parts: RunParts, loop: LoopState) -> bytes:

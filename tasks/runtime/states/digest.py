@@ -38,7 +38,7 @@ _MAGIC = b"robomaker digest 1\n"
 _BLOCK = struct.Struct("<IIII")
 _BLOCK_STATES = 30
 _BLOCK_LINKS = 3000
-"""Links of given states in a block, 48 kB; with physics kept states end blocks."""
+"""Number of links in a block of a run without physics (48 kB); with physics, stored states end blocks."""
 _LINK_BYTES = 8
 _CHAIN_BYTES = 32
 _COMPRESSION_LEVEL = 3
@@ -145,7 +145,7 @@ class StateDigest:
         return StateDigestSummary(looks=self._looks, until_s=self._last_s, value=value)
 
     def state(self) -> dict[str, Any]:
-        """Returns the hash chain's state for a checkpoint."""
+        """Writes pending hashes to the file, and returns the hash chain's state for a checkpoint."""
         self._write_block()
         return {"chain": bytes(self._bytes[:_CHAIN_BYTES]), **{name: getattr(self, name) for name in _KEPT}}
 
@@ -171,7 +171,10 @@ class StateDigest:
         self._bytes[:_CHAIN_BYTES] = state["chain"]
 
     def _begin(self, model: mujoco.MjModel) -> None:
-        """Starts with a model, or continues with another one that the environment has made."""
+        """Starts the hash chain with a model, or continues it with another one that the environment has made.
+
+        Writes the beginning of the digest's file, or the states of the model before.
+        """
         model_sha256 = self._of_model(model)
         if self._model is None:
             self.model_sha256 = model_sha256
@@ -194,7 +197,7 @@ class StateDigest:
         self._kept = 1 + model.nq + model.nv
 
     def _keep_state(self, time_s: float) -> None:
-        """Stores time, positions and velocities, the first numbers of the integration state."""
+        """Stores time, positions and velocities, the first numbers of the state; writes full blocks to the file."""
         self._states.append(self._values[: self._kept].tobytes())
         self._state_due_s = time_s + STATE_EVERY_S
         if len(self._states) >= _BLOCK_STATES:
@@ -224,7 +227,7 @@ class StateDigest:
 
 @dataclass(frozen=True)
 class StateTimeline:
-    """Content of `digest.bin`: hash chain and some states of a run."""
+    """Content of `digest.bin`: links of the hash chain, and some states of a run with their times in seconds."""
 
     times_s: NDArray[np.float64]
     """Simulated times of the links, in seconds."""
@@ -298,7 +301,7 @@ def digest_of_model(model: mujoco.MjModel) -> str:
 
 
 def _take_in(digest: "hashlib._Hash", structure: Any) -> None:
-    """Hashes the members of a MuJoCo structure by name, nested structures included."""
+    """Adds the members of a MuJoCo structure, with their names, to a hash, nested structures included."""
     for name, label in _members(type(structure)):
         value = getattr(structure, name)
         digest.update(label)

@@ -41,7 +41,7 @@ class FailureRecorder(Observer):
     """Observer that counts MuJoCo's warnings, and stores the state if the physics breaks."""
 
     def __init__(self, output_dir: Path, keep_every_s: float = KEEP_EVERY_S) -> None:
-        """Starts without stored states.
+        """Prepares to store states before a failure of the physics; none is stored yet.
 
         Args:
             output_dir: Folder for `failure-state.json`, `failure-state.npy` and `failure-model.mjb`.
@@ -55,7 +55,10 @@ class FailureRecorder(Observer):
         self._warned = np.zeros(0, dtype=np.int64)
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Stores the current state in place of the older of two."""
+        """Stores the environment's current state in place of the older of two that are kept.
+
+        A new model of the environment drops both.
+        """
         model, data = raw_physics(environment.physics)
         if model is not self._model:
             self._model, self._data = model, data
@@ -88,7 +91,7 @@ class FailureRecorder(Observer):
         return Findings(extra={"mujoco_warnings": found}, metrics={"mujoco_warnings": float(sum(found.values()))})
 
     def explain(self) -> str:
-        """Names the joints whose numbers became non-finite; empty if MuJoCo reported no joint.
+        """Returns text that names the joints whose numbers became non-finite; empty if MuJoCo reported no joint.
 
         MuJoCo's own message has the index of a degree of freedom, which is hard to understand.
         """
@@ -135,7 +138,7 @@ def _warnings(model: mujoco.MjModel, data: mujoco.MjData, counts: NDArray[np.int
 
 
 def _warned_joint(model: mujoco.MjModel, data: mujoco.MjData, kind: int) -> int | None:
-    """Returns the joint that a MuJoCo warning about a bad number refers to."""
+    """Returns the number of the joint that a MuJoCo warning about a bad number refers to; `None` if to none."""
     place = int(data.warning[kind].lastinfo)
     if kind in map(int, _OF_A_VELOCITY) and 0 <= place < model.nv:
         return int(model.dof_jntid[place])

@@ -35,7 +35,10 @@ def digest_of_folder(folder: Path, suffix: str = "") -> str:
 
 
 def _files_in(folder: Path) -> Iterator[Path]:
-    """Yields all files below a folder, following links to folders, each real folder once on a path."""
+    """Yields all files below a folder, following links to folders, each real folder once on a path.
+
+    Folders of compiled code are left out.
+    """
     ways = {str(folder): frozenset({os.path.realpath(folder)})}
     for place, folders, files in os.walk(folder, followlinks=True):
         above = ways.pop(place)
@@ -90,7 +93,10 @@ def _code_here(name: str) -> str:
 
 
 def _places(spec: ModuleSpec | None) -> list[Path]:
-    """Returns the folders of a package, or the file of a module; empty for built-in and generated modules."""
+    """Returns the folders of a package, or the file of a module.
+
+    Returns an empty list for built-in, generated and absent modules.
+    """
     if spec is None:
         return []
     if folders := list(spec.submodule_search_locations or ()):
@@ -139,7 +145,7 @@ def _versions_in(folder: Path, changed_ns: int) -> Mapping[str, str]:
 
 
 def _stamp(place: Path) -> str:
-    """Returns a mark that changes when a module whose distribution has another name is installed anew."""
+    """Returns a mark that changes when a module whose distribution has another name is installed anew or deleted."""
     file = place / "__init__.py" if place.is_dir() else place
     if not file.exists():
         return "installed"

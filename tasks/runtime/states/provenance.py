@@ -49,7 +49,7 @@ class ProvenanceRecorder(Observer):
     def __init__(
         self, plan: RunPlan, applications: Sequence[ApplicationPlan] = (), actions: Actions | None = None
     ) -> None:
-        """Starts the provenance of a run.
+        """Prepares the provenance of a run, and the hash chain over its states.
 
         Args:
             plan: Plan of the run.
@@ -66,7 +66,7 @@ class ProvenanceRecorder(Observer):
         self._resumed_at_s: list[float] = []
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Adds the current state to the state hashes."""
+        """Adds the current state to the state hashes; the first time, also writes the provenance file."""
         model, data = raw_physics(environment.physics)
         self._digest.look(model, data)
         self.next_time_s = time_s + LOOK_EVERY_S
@@ -76,7 +76,7 @@ class ProvenanceRecorder(Observer):
             self._write()
 
     def hear(self, state: bytes, time_s: float) -> None:
-        """Adds a state that an environment without physics gives to the state hashes."""
+        """Adds a state that an environment without physics gives to the state hashes, as `watch` does for physics."""
         self._digest.look_at(state, time_s)
         if not self._has_begun:
             self._has_begun = True
@@ -97,7 +97,7 @@ class ProvenanceRecorder(Observer):
         return Findings(state_digest=digest.value if digest else None)
 
     def state(self) -> dict[str, Any]:
-        """Returns the state of the hash chain for a checkpoint; see `results.Observer`."""
+        """Returns the state of the hash chain, and the times at which the run was resumed, for a checkpoint."""
         return {
             "next_time_s": self.next_time_s,
             "digest": self._digest.state(),
@@ -106,7 +106,10 @@ class ProvenanceRecorder(Observer):
         }
 
     def restore(self, state: dict[str, Any], environment: Any) -> None:
-        """Restores the hash chain from a checkpoint; see `results.Observer`."""
+        """Restores the hash chain from a checkpoint's state.
+
+        Adds the simulated time in seconds to those at which the run was resumed, and writes the provenance file.
+        """
         model, data = raw_physics(environment.physics)
         self._data, self._has_begun = data, True
         self.next_time_s = state["next_time_s"]
@@ -151,7 +154,7 @@ def note_run(plan: RunPlan, applications: Sequence[ApplicationPlan] = (), ended_
 
 @lru_cache(maxsize=1)
 def machine_facts() -> MachineFacts:
-    """Returns the facts about this machine and its software that can change a run's numbers."""
+    """Returns the facts about this machine and its software that can change a run's numbers, looked up once."""
     cpu_model, features = _cpu()
     return MachineFacts(
         python=platform.python_version(),
@@ -186,7 +189,7 @@ def _imported_by(applications: Sequence[ApplicationPlan]) -> dict[str, str]:
 
 
 def _content_of(application: ApplicationPlan) -> tuple[Literal["bundle", "module"], str] | None:
-    """Returns the kind (bundle or module) and the hash of an application's content."""
+    """Returns the kind (bundle or module) and the hash of an application's content; `None` if it is not known."""
     if application.path is not None:
         return "bundle", digest_of_folder(application.path)
     if application.attribute is not None:
@@ -197,7 +200,10 @@ def _content_of(application: ApplicationPlan) -> tuple[Literal["bundle", "module
 
 
 def _digest_of_module(attribute: str) -> str:
-    """Computes the hash of the Python files of an imported module's package, or of the module's file."""
+    """Returns the hash of the Python files of an imported module's package, or of the module's file.
+
+    The hash is empty if the module could not be imported.
+    """
     name = attribute
     while name not in sys.modules:
         name, _, last = name.rpartition(".")

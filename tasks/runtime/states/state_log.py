@@ -31,8 +31,9 @@ CHUNK_FRAMES = 64
 
 MAGIC = b"RMSL"
 CHUNK = struct.Struct("<4s6I")
-"""Header of a chunk: magic, number of the model, `nq`, `nmocap`, frames, length of the compressed columns, CRC-32 of
-all but the magic.
+"""Header of a chunk of the state log.
+
+Magic, number of the model, `nq`, `nmocap`, frames, length of the compressed columns, CRC-32 of all but the magic.
 """
 TAIL = struct.Struct("<4s5IQ")
 """Header of the tail file: magic, number of the model, `nq`, `nmocap`, number of valid frames, reserved, number of
@@ -123,7 +124,7 @@ def model_file(number: int) -> str:
 
 @dataclass(frozen=True)
 class _Chunk:
-    """Consecutive states of one model in the log."""
+    """Consecutive states of one model in a state log, a row each."""
 
     model: int
     nq: int
@@ -154,7 +155,7 @@ def _restored(data: bytes, frames: int) -> Rows:
 
 
 def _chunks(data: bytes) -> Iterator[_Chunk]:
-    """Yields the complete chunks at the beginning of a log."""
+    """Yields the complete, undamaged chunks at the beginning of a state log, and stops at the first other one."""
     place = 0
     decompressor = zstandard.ZstdDecompressor()
     while place + CHUNK.size <= len(data):
@@ -175,7 +176,14 @@ def _chunks(data: bytes) -> Iterator[_Chunk]:
 
 
 def _tail(path: Path, noted: int) -> _Chunk | None:
-    """Reads the last states, which had not been written as a chunk yet."""
+    """Reads the last states of a state log, which had not been written as a chunk yet.
+
+    Returns `None` if there are none, or the file is damaged.
+
+    Args:
+        path: File of the last states.
+        noted: Number of states in complete chunks.
+    """
     try:
         data = path.read_bytes()
         magic, model, nq, nmocap, frames, _, before = TAIL.unpack_from(data)
@@ -196,7 +204,7 @@ class StateLogWriter:
     """Writer of a run's state log; logged states survive a killed process."""
 
     def __init__(self, folder: Path, rate_hz: float, camera: str | None = None) -> None:
-        """Creates a log.
+        """Begins a state log in a folder, in which an earlier log is overwritten.
 
         Args:
             folder: Folder of the log; it is created if missing.
@@ -220,7 +228,7 @@ class StateLogWriter:
         self._log: BinaryIO = (folder / STATES_FILE).open("wb", buffering=0)
 
     def note(self, model: mujoco.MjModel, data: mujoco.MjData, time_s: float) -> None:
-        """Logs a state.
+        """Adds the present state of a simulation to the state log.
 
         Args:
             model: Compiled model; stored the first time, and when it has changed.
@@ -258,7 +266,7 @@ class StateLogWriter:
             self._noted()
 
     def close(self) -> None:
-        """Finishes the state log."""
+        """Writes the last states to the state log, closes it, and deletes the file with its unfinished end."""
         self._flush()
         self._log.close()
         (self._folder / TAIL_FILE).unlink(missing_ok=True)
@@ -313,7 +321,7 @@ class StateLogger(Observer):
     """
 
     def __init__(self, folder: Path, rate_hz: int) -> None:
-        """Prepares a log; nothing is written before the first state.
+        """Prepares to log a run's states; nothing is written before the first state.
 
         Args:
             folder: Folder of the log.
@@ -324,7 +332,10 @@ class StateLogger(Observer):
         self._error: str | None = None
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Writes the current simulation state to the state log."""
+        """Writes the environment's current simulation state to the state log.
+
+        After an error, which is noted, the run goes on without a state log.
+        """
         try:
             if self._writer is None:
                 camera = getattr(environment, "video_camera", None)
@@ -336,7 +347,7 @@ class StateLogger(Observer):
             self._give_up(error)
 
     def close(self, ended_by: str | None) -> Findings:
-        """Finishes the state log; see `results.Observer`."""
+        """Finishes the state log; returns the reason if it could not be written, and no findings otherwise."""
         del ended_by
         try:
             if self._writer is not None and self._error is None:
@@ -346,7 +357,14 @@ class StateLogger(Observer):
         return Findings({"state_log_error": self._error} if self._error else {})
 
     def restore(self, state: float, environment: Any) -> None:
-        """Continues the state log of a killed process at an earlier time."""
+        """Continues the state log of a killed process at an earlier time, without the states from then on.
+
+        If the log cannot be continued, it begins anew, and a line on standard error says so.
+
+        Args:
+            state: Time in simulated seconds at which the run continues.
+            environment: The environment.
+        """
         super().restore(state, environment)
         try:
             if not self._folder.exists():
@@ -366,7 +384,7 @@ class StateLogger(Observer):
 
 
 def _differences(rows: Rows) -> bytes:
-    """Transposes the numbers' bit patterns to columns and takes differences between frames, which compress better."""
+    """Returns the bytes of states by columns, as differences between successive frames, which compress better."""
     bits = rows.T.copy().view(np.uint64)
     bits[:, 1:] ^= bits[:, :-1].copy()
     return bits.tobytes()

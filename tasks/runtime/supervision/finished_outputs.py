@@ -29,7 +29,7 @@ _VERDICTS = get_args(Verdict)
 
 @dataclass(frozen=True)
 class ProgramResult:
-    """A `result.json` that a program of a run wrote, and its problems."""
+    """A `result.json` that a program of a run wrote, checked: the result, or the problem with it."""
 
     result: RunResult | None = None
     """Parsed result; `None`: the file is missing or invalid."""
@@ -42,7 +42,7 @@ class ProgramResult:
 
 
 def read_program_result(output_dir: Path, facts: Mapping[str, Any]) -> ProgramResult:
-    """Reads and completes the `result.json` that a program wrote.
+    """Reads and completes the `result.json` that a program wrote, and returns it or the problem with it.
 
     Only `verdict` is required: a byte order mark is skipped, unknown members and non-finite numbers (as text) are moved
     to `extra`, and missing members are filled in.
@@ -163,7 +163,16 @@ def finish_outputs(
 
 
 def _finish_episode(plan: RunPlan, ended: Exit | None, outcome: Outcome, times: tuple[datetime, datetime]) -> bool:
-    """Completes the outputs of a run with an episode; returns whether they are complete."""
+    """Completes the outputs of a run with an episode; returns whether they are complete.
+
+    Deletes `result.json` if the run failed, and writes one if the run was killed at its duration limit.
+
+    Args:
+        plan: The run's plan.
+        ended: End of the run's process; `None`: not known.
+        outcome: Outcome of the run.
+        times: Times of the run's beginning and end.
+    """
     remove_agent_socket(plan)
     if plan.trials is not None:
         _complete_trials(plan, outcome)
@@ -180,7 +189,10 @@ def _finish_episode(plan: RunPlan, ended: Exit | None, outcome: Outcome, times: 
 
 
 def _write_for_run(plan: RunPlan, ended: Exit | None, times: tuple[datetime, datetime]) -> bool:
-    """Writes the result of a run whose process was killed at the duration limit; returns whether it was written."""
+    """Writes `result.json` for a run whose process was killed at the duration limit, unless it has one.
+
+    Returns whether there is one now; if it cannot be written, a note in the outputs says why.
+    """
     if read_result(plan.output_dir) is not None:
         return True
     if ended is None:
@@ -217,7 +229,10 @@ def _write_for_run(plan: RunPlan, ended: Exit | None, times: tuple[datetime, dat
 
 
 def _complete_trials(plan: RunPlan, outcome: Outcome) -> None:
-    """Stores the results of trials that had finished when the run's process was killed or failed."""
+    """Stores the results of trials that had finished when the run's process was killed or failed.
+
+    If they cannot be written, a note in the outputs says so.
+    """
     stopped_by = None if outcome.status == "Failed" else "duration limit" if outcome.timed_out else "canceled"
     try:
         complete_after_all(plan, ended_by=stopped_by)
@@ -326,7 +341,10 @@ def _change_result(output_dir: Path, changes: Callable[[RunResult], dict[str, An
 
 
 def remove_verdict(output_dir: Path) -> None:
-    """Removes the verdict from the result of a run that was cancelled just before its end was known."""
+    """Removes the verdict from the `result.json` of a run that was cancelled just before its end was known.
+
+    Does nothing if there is no result, or it has no verdict.
+    """
     if (result := read_result(output_dir)) is not None and result.verdict != "NONE":
         with suppress(OSError):  # an application put something in the way
             write_result(result.unjudged(), output_dir)

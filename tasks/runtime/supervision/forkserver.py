@@ -53,7 +53,11 @@ _MODULES = (
 
 
 def main() -> None:
-    """Entry point of the fork server: imports modules, then forks a supervisor for each requested run."""
+    """Entry point of the fork server: imports modules, then forks a supervisor for each requested run.
+
+    Runs until the launcher closes the socket whose descriptor is the first argument. If a module cannot be imported,
+    the error is sent there. An interrupt (Ctrl-C) is ignored.
+    """
     control = socket.socket(fileno=int(sys.argv[1]))
     try:
         for name in _MODULES:
@@ -75,7 +79,7 @@ def main() -> None:
 
 
 class _StandBy(NamedTuple):
-    """A supervisor process that waits for a run."""
+    """A supervisor process that was forked ahead and waits for a run, with the socket by which it gets one."""
 
     pid: int
     pidfd: int
@@ -111,7 +115,11 @@ class _Supervisors:
         self._standing_by: _StandBy | None = None
 
     def serve(self) -> None:
-        """Forks supervisors for runs, and reaps them, until the launcher closes the socket."""
+        """Forks a supervisor for each requested run, and reaps those that ended, until the launcher closes the socket.
+
+        A supervisor is forked ahead while nothing else is to be done. A run that cannot begin has its connection
+        closed.
+        """
         while True:
             ready = wait([self._control, *self._alive], self._quiet_time_s())
             if not ready:
@@ -139,7 +147,10 @@ class _Supervisors:
         return self._fork_ahead_after_s if self._alive else 0.0
 
     def _supervise(self, descriptor: int) -> None:
-        """Passes a run to the waiting supervisor, or to a new one."""
+        """Passes a run's connection to the supervisor that waits, or to a new one if it is gone.
+
+        Raises `OSError` if no process can be forked.
+        """
         supervisor, self._standing_by = self._standing_by, None
         while True:
             supervisor = supervisor or self._fork(descriptor)
@@ -154,13 +165,13 @@ class _Supervisors:
         self._alive[supervisor.pidfd] = supervisor.pid, descriptor
 
     def _dismiss(self, supervisor: "_StandBy") -> None:
-        """Ends a supervisor that has no run."""
+        """Ends a supervisor process that has no run, and waits for its end."""
         supervisor.control.close()
         os.waitpid(supervisor.pid, 0)
         os.close(supervisor.pidfd)
 
     def _fork(self, of_run: int | None = None) -> "_StandBy":
-        """Forks a supervisor process, which waits for a run to supervise.
+        """Forks a supervisor process, which waits for a run to supervise, and returns the access to it.
 
         Args:
             of_run: File descriptor of the run's connection, which the child closes because it gets the connection by

@@ -24,6 +24,9 @@ def run_helper(
 ) -> tuple[dict[str, Any], str | None]:
     """Runs a helper module as a child process; returns the JSON object that it prints, and its error.
 
+    The program is killed at the time limit, or when it is to stop. The object is empty after a failure; else the error
+    is `None`.
+
     Args:
         command: Python module and its arguments.
         stop: Function called about every 0.1 s; a result other than None ends the program.

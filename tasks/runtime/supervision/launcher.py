@@ -83,7 +83,11 @@ class StopMonitor:
         """Messages still to be sent, each with the earliest time to send it."""
 
     def until_end(self) -> tuple[Exit | None, RunStop | None]:
-        """Returns how the run ended (`None` if unknown) and why it was stopped (`None` if it was not)."""
+        """Waits until the run has ended, stops it when a reason comes up, and passes its events on.
+
+        Returns:
+            The run's end (`None` if it is not known), and the reason why it was stopped (`None` if it was not).
+        """
         while True:
             patience = _KILL_TIMEOUT_S if self._was_killed else self._patience()
             if self._channel.poll(patience):
@@ -168,7 +172,7 @@ class Launcher:
             self._running_server()
 
     def close(self) -> None:
-        """Ends the fork server process; current runs continue."""
+        """Ends the fork server process, if it runs; current runs continue."""
         with self._lock:
             if self._server is not None:
                 self._server.close()
@@ -288,7 +292,7 @@ class Launcher:
 
 
 class _Server:
-    """Client side of the fork server process."""
+    """Fork server process that this process has started, which forks the supervisors of runs on request."""
 
     def __init__(self) -> None:
         ours, theirs = map(_above_standard, socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET))
@@ -334,7 +338,7 @@ class _Server:
 
 
 def _above_standard(connection: socket.socket) -> socket.socket:
-    """Moves a socket to a descriptor above standard input, output and error, which may be closed in this process."""
+    """Returns a socket on a descriptor above standard input, output and error, and closes the given one."""
     with connection:
         return socket.socket(fileno=fcntl.fcntl(connection.fileno(), fcntl.F_DUPFD_CLOEXEC, 3))
 
@@ -349,7 +353,7 @@ def _end_server(process: "subprocess.Popen[bytes]", control: socket.socket) -> N
 
 
 class _FirstCrash:
-    """First crash of a program in a run that continues nevertheless."""
+    """Outcome of the first crash of a program in a run that goes on nevertheless; later crashes change nothing."""
 
     def __init__(self, plan: RunPlan, on_crash: OnCrash | None) -> None:
         self._plan = plan
@@ -357,20 +361,23 @@ class _FirstCrash:
         self._outcome: Outcome | None = None
 
     def on_crash(self, crashed: Exit) -> None:
-        """Determines the outcome of a crash while its log is fresh, and reports it."""
+        """Determines the outcome of a crash while its log is fresh, keeps it, and reports failure code and reason."""
         self._outcome = decided = decide_outcome_with_log(crashed, None, self._plan)
         if self._on_crash is not None:
             self._on_crash(decided.failure_code or _INTERNAL, decided.failure_reason or "")
 
     def outcome(self, stopped_for: RunStop | None) -> Outcome | None:
-        """Returns the run's outcome if one of its programs crashed: failed, unless it was cancelled later."""
+        """Returns the run's outcome if a program of it crashed (failed, unless it was cancelled later), else `None`."""
         if self._outcome is None or stopped_for in (None, RunStop.DURATION_LIMIT):
             return self._outcome
         return decide_outcome(None, stopped_for, self._plan)
 
 
 def decide_outcome_with_log(ended: Exit | None, stopped_for: RunStop | None, plan: RunPlan) -> Outcome:
-    """Determines how a run ended, with the log of the program concerned."""
+    """Returns how a run ended, with the last log lines of the program concerned in a failure's reason.
+
+    The end is `None` if the run's supervisor disappeared; the reason for a stop is `None` if the run ended by itself.
+    """
     program = ended.crash.program if ended is not None and ended.crash is not None else None
     if ended is not None and program is None and never_connected(ended):
         program = next(
@@ -380,7 +387,10 @@ def decide_outcome_with_log(ended: Exit | None, stopped_for: RunStop | None, pla
 
 
 def _clean_up(request: RunRequest) -> None:
-    """Cleans up after a run whose supervisor has died."""
+    """Runs the clean-up commands of a run's programs, such as removing containers, as its supervisor has died.
+
+    Their failures are ignored, and each gets limited time.
+    """
     for program in request.plan.programs:
         if program.cleanup_argv is not None:
             with suppress(OSError, subprocess.TimeoutExpired):
@@ -396,7 +406,11 @@ def _clean_up(request: RunRequest) -> None:
 
 
 def _begin(channel: Connection, request: RunRequest) -> None:
-    """Sends a run's request to its supervisor, and waits until it has begun."""
+    """Sends a run's request to its supervisor, and waits until the run has begun.
+
+    Raises `LaunchError` if the supervisor refuses the run or does not begin it in time, and `LaunchInterruptedError` if
+    the supervisor ended.
+    """
     try:
         channel.send_bytes(request.model_dump_json().encode())
         if channel.poll(_START_TIMEOUT_S):

@@ -84,7 +84,8 @@ def _listen(port: PortPlan) -> socket.socket:
 def fork_forwarder(ports: Sequence[tuple[socket.socket, int]], join_network: Callable[[], None] = lambda: None) -> int:
     """Starts a child process that forwards connections to the application's ports; returns its process id.
 
-    This process closes its copies of the sockets; the child keeps them, in the network in which they were opened.
+    This process closes its copies of the sockets; the child keeps them, in the network in which they were opened. The
+    child ignores SIGTERM, and ends with this process.
 
     Args:
         ports: Listening sockets, each with the application's port.

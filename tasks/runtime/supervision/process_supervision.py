@@ -105,7 +105,9 @@ class Supervision:
     # Beginning
 
     def prepare(self) -> None:
-        """Opens ports and logs, before any process starts.
+        """Opens the run's forwarded ports, starts the processes that forward them, and creates the programs' logs.
+
+        No program is started yet.
 
         Raises:
             LaunchError: A port is taken.
@@ -139,7 +141,7 @@ class Supervision:
             self._logs += self._programs[-1].logs
 
     def start(self) -> None:
-        """Starts the simulation process and the programs of the run."""
+        """Starts the simulation process and the programs of the run, and watches the forwarded ports."""
         if self._plan.has_episode:
             self._run_pid = self._begin_run()
             self._run_ended = os.pidfd_open(self._run_pid)
@@ -169,7 +171,10 @@ class Supervision:
     # Watching
 
     def until_end(self) -> None:
-        """Waits until the run has ended and its processes had time to finish."""
+        """Supervises the run's processes until the run has ended and its processes had time to finish.
+
+        Obeys the launcher, handles ended processes, and looks at the use of resources meanwhile.
+        """
         while not self._is_over:
             now = time.monotonic()
             due = min([self._next_look_s, *(timer[0] for timer in self._timers[:1])])
@@ -235,7 +240,7 @@ class Supervision:
                 self._has_launch_failed(program)
 
     def _has_launch_failed(self, program: Program) -> bool:
-        """Returns whether a program has logged that it could not launch its ROS nodes, which counts as its crash."""
+        """Returns whether a program has logged that it could not launch its ROS nodes; reports that as its crash."""
         if (said := program.launch_failure()) is None:
             return False
         self._on_crash(_crash_of(program, f"failed in its launch: {said}"))
@@ -328,7 +333,7 @@ class Supervision:
     # Ending
 
     def _end(self) -> None:
-        """Ends the run without a request from outside."""
+        """Asks the run's processes to end, as the run is over by itself, and kills them after some time."""
         if not self._is_stopping:
             self._is_stopping = True
             self._ask_to_end("canceled")
@@ -356,7 +361,7 @@ class Supervision:
             self._progress.request_stop(AGENT_GONE)
 
     def finish(self) -> Exit:
-        """Ends all processes of the run, and cleans up.
+        """Ends all processes of the run, cleans up after them, and closes its logs.
 
         Returns:
             End of the run as observed.
@@ -401,7 +406,7 @@ class Supervision:
         )
 
     def _trial(self) -> int | None:
-        """Returns the number of the trial that the run's process is in."""
+        """Returns the number of the trial that the run's process is in, `None` without trials or after the last."""
         trials, finished = self._plan.trials, self._progress.trials
         return finished if trials is not None and finished < trials.count else None
 

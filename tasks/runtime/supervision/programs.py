@@ -46,7 +46,7 @@ class LaunchWatch:
         """Function that handles the log line after an ambiguous one; None: no such line is awaited."""
 
     def look(self) -> str | None:
-        """Returns the first new log line that reports a failed launch or a dead required node."""
+        """Returns the first new log line that reports a failed launch or a dead required node, `None` without one."""
         found = (self._failure_in(line) for line in self._new_lines())
         said = next((each for each in found if each is not None), None)
         return None if said is None else said.decode(errors="replace").strip()
@@ -67,7 +67,7 @@ class LaunchWatch:
         return None
 
     def _after_required(self, said: bytes, line: bytes) -> bytes | None:
-        """Handles the log line about a required node's end, which may be clean: `process has finished cleanly`."""
+        """Returns the failure of a required node whose end was logged, or `None` if this line calls its end clean."""
         self._awaited = None
         return b"%s %s" % (said, line) if line.startswith(b"process has died") else None
 
@@ -78,7 +78,10 @@ class LaunchWatch:
         return b"%s cannot be executed: %s" % (node, line)
 
     def _new_lines(self) -> Iterator[bytes]:
-        """Yields the complete lines written since the last call, without colour codes."""
+        """Yields the complete lines written to the program's log since the last call, without colour codes.
+
+        Of very many, only the last ones are read.
+        """
         size = self._size()
         if size == self._offset:
             return
@@ -160,7 +163,7 @@ class Program:
         return self.ended is not None
 
     def start(self) -> None:
-        """Starts the program.
+        """Starts the run's program as a process of its own, with its logs.
 
         Raises:
             StartError: The program does not exist, or cannot be executed.
@@ -173,7 +176,7 @@ class Program:
         self.ended = os.pidfd_open(self.pid)
 
     def launch_failure(self) -> str | None:
-        """Returns a launch failure of a ROS launch program that its log has reported since the last call."""
+        """Returns a failure that a ROS launch program has logged since the last call; `None` if there is none."""
         return next((said for watch in self._watches if (said := watch.look()) is not None), None)
 
     def see_end(self) -> int:
@@ -189,7 +192,7 @@ class Program:
         return status
 
     def terminate(self) -> None:
-        """Asks the program and its process group to end (SIGTERM)."""
+        """Asks the program and its process group to end (SIGTERM); does nothing if it does not run."""
         if self.pid is not None:
             with suppress(ProcessLookupError, PermissionError):
                 os.killpg(self.pid, signal.SIGTERM)
@@ -204,6 +207,8 @@ class Program:
 
     def pause(self, how: str) -> float:
         """Returns how long to wait before the program's restart, in seconds, and notes that in its log.
+
+        Each pause is twice as long as the one before, up to a limit, until the program has run for some time.
 
         Args:
             how: Description of the program's end.

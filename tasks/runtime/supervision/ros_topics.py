@@ -122,7 +122,17 @@ def _size(folder: Path, parts: Sequence[Path]) -> int:
 def _joined(
     folder: Path, parts: Sequence[Path], stop: Callable[[], str | None], environment: Mapping[str, str], limit_s: float
 ) -> list[str]:
-    """Merges the files; returns the failure as the end of a sentence about their topics."""
+    """Merges the recordings of ROS topics with the run's recording, in a child process, and deletes their reports.
+
+    Returns the failure as the end of a sentence about their topics, or an empty list; after a failure the files stay.
+
+    Args:
+        folder: Output folder of the run.
+        parts: Recordings of ROS topics.
+        stop: Returns why merging should stop, or `None`.
+        environment: Environment variables of the child process.
+        limit_s: Time limit in seconds.
+    """
     names = [part.name for part in parts]
     command = [_JOINING, str(folder.absolute()), *names]
     said, problem = run_helper(command, stop=stop, environment=environment, limit_s=limit_s)

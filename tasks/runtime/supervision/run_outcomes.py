@@ -31,7 +31,7 @@ _CRASH_CODES: dict[ApplicationRole | None, str] = {
 
 @dataclass(frozen=True)
 class Crash:
-    """A crash during a run: a program that ended unexpectedly, or exceeded a limit."""
+    """Crash of a run's program: its role, and how it ended unexpectedly or which limit it exceeded."""
 
     role: ApplicationRole
     """Role of the application that crashed or that the program belongs to."""
@@ -82,12 +82,12 @@ class Exit:
         return self.report.get("ended_by") if self.exit_code == 0 else None
 
     def to_message(self) -> dict[str, Any]:
-        """Converts the object to plain values, to send it to the launcher."""
+        """Returns the object as plain values, to be sent to the launcher."""
         return {**asdict(replace(self, tools=())), "tools": [tool.model_dump() for tool in self.tools]}
 
     @classmethod
     def from_message(cls, message: dict[str, Any]) -> "Exit":
-        """Reads the plain values that `to_message` made."""
+        """Returns the object of the plain values that `to_message` made."""
         read = {
             "phase": Phase(message["phase"]),
             "crash": Crash(**message["crash"]) if message["crash"] else None,
@@ -109,7 +109,7 @@ class Outcome:
 def decide_outcome(
     ended: Exit | None, stopped_for: RunStop | None, plan: RunPlan, log: tuple[str, Sequence[str]] = ("", ())
 ) -> Outcome:
-    """Determines the outcome of a run from its end.
+    """Returns the outcome of a run (status, failure code and reason), decided from its end.
 
     Args:
         ended: Observed end of the run; None if its supervisor disappeared without a message.
@@ -164,7 +164,13 @@ def was_killed(ended: Exit | None, stopped_for: RunStop | None) -> bool:
 
 
 def failure_reason(head: str, log_name: str, lines: Sequence[str]) -> str:
-    """Makes a failure reason of at most 1024 characters that ends with the last log lines."""
+    """Returns a failure reason of at most 1024 characters that ends with the last log lines.
+
+    Args:
+        head: Sentence that says what failed; shortened if it is long.
+        log_name: Name of the log.
+        lines: Last lines of the log; empty: only the sentence is returned.
+    """
     head = without_escapes(head)
     if len(head) > _MAX_HEAD_CHARACTERS:
         head = head[: _MAX_HEAD_CHARACTERS - 1] + "…"
@@ -206,7 +212,7 @@ def tool_in_words(tool: ToolEnds, plan: RunPlan) -> str:
 
 
 def _about_tools(ended: Exit, plan: RunPlan) -> str:
-    """Names tools that were restarted repeatedly, as they may have caused a failure."""
+    """Returns the end of a failure reason: tools that were restarted repeatedly, as these may have caused it."""
     return "".join(f". {tool_in_words(tool, plan)}" for tool in ended.tools if tool.ends >= OFTEN)
 
 
@@ -240,7 +246,7 @@ def _in_trial(ended: Exit) -> str:
 
 
 def signal_name(number: int) -> str:
-    """Returns the name of a signal: `SIGSEGV`."""
+    """Returns the name of a signal, such as `SIGSEGV`; `signal 99` if it has none."""
     try:
         return signal.Signals(number).name
     except ValueError:

@@ -111,7 +111,10 @@ def _menagerie_cache() -> dict[str, str]:
 
 
 def program_environment(request: RunRequest, program: ProgramPlan) -> dict[str, str]:
-    """Returns the complete environment variables for one of a run's programs."""
+    """Returns the complete environment variables for one of a run's programs.
+
+    The program's own variables override the run's, except those that name the job, its folders and its seed.
+    """
     plan = request.plan
     of_role = plan.robot_application if program.role == "robot" else plan.simulation_application
     environment = {
@@ -129,7 +132,7 @@ def program_environment(request: RunRequest, program: ProgramPlan) -> dict[str, 
 
 
 def _fixed_variables(plan: RunPlan) -> dict[str, str]:
-    """Returns the variables that an application cannot override."""
+    """Returns the environment variables that an application cannot override: job, seed, folders, and visible GPUs."""
     variables = {
         "AWS_ROBOMAKER_SIMULATION_JOB_ID": plan.job_id,
         "AWS_ROBOMAKER_SIMULATION_JOB_ARN": plan.job_arn,
@@ -170,7 +173,7 @@ def plan_box(
     warn: Callable[[str], None] = _warn_once,
     endpoint: str | None = None,
 ) -> BoxPlan:
-    """Decides how a run's processes are sandboxed.
+    """Decides how a run's processes are sandboxed, and returns the plan of that.
 
     Args:
         settings: Settings of the service.

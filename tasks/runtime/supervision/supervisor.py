@@ -33,7 +33,9 @@ from .process_supervision import Supervision
 
 
 def stand_by(control: socket.socket, run_child: RunChild, rehearse: Rehearse, level: BoxLevel = "none") -> None:
-    """Waits for a run's request, then supervises the run; main function of a supervisor process.
+    """Waits for a run's request, then supervises the run; main function of a supervisor process, which ends with it.
+
+    The process gets a session of its own, and adopts orphans. If no run comes, the waiting run's process is ended.
 
     Args:
         control: Socket with one message that carries the connection to the run's launcher; closed, if no run will come.
@@ -107,8 +109,8 @@ def _supervise(channel: Connection, request: RunRequest, run: WaitingRun, progre
 
     Messages to the launcher are JSON objects: `{"event": "started"}`, or `{"event": "refused", "code":
     str, "reason": str}`; `{"event": "answering"}` once forwarded ports answer; under `Continue` perhaps
-    `{"event": "crashed", "exit": object}`; at last `{"event": "exited", "exit": object}`, each object an
-    `outcomes.Exit`. Messages from the launcher:
+    `{"event": "crashed", "exit": object}`; at last `{"event": "exited", "exit": object}`, each object a
+    `run_outcomes.Exit`. Messages from the launcher:
     `{"stop": reason}` asks the run to finish (SIGTERM), `{"kill": true}` ends it.
 
     Args:

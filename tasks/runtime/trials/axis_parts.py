@@ -11,7 +11,7 @@ Part = tuple[int, str]
 """Index of a part among those of its axis, and its description."""
 
 MAX_LOOKED_AT = 200
-"""Trials of an axis that others are compared with: an axis that changes nothing in so many is told well enough."""
+"""Number of trials that others are compared with: an axis that changes nothing in so many is told well enough."""
 
 
 class AxisParts:
@@ -26,7 +26,7 @@ class AxisParts:
         self._listed: Mapping[Value, int] = {value: place for place, value in enumerate(axis.listed or ())}
 
     def part(self, value: Value | None) -> Part:
-        """Returns the part to which a value belongs.
+        """Returns the part of the axis to which a value belongs: its index and description.
 
         Args:
             value: Value of the axis; None: the cell has none.
@@ -62,7 +62,10 @@ class AxisEffect:
         self._pairs = 0
 
     def take(self, row: TrialRow) -> None:
-        """Adds one trial's results to the job's counts."""
+        """Compares one trial with an earlier one that differs in this axis only, to see if the axis has an effect.
+
+        A difference, or a trial without a state digest, ends the comparison.
+        """
         if self._first is None:
             return
         if row.state_digest is None:

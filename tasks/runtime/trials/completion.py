@@ -37,7 +37,7 @@ def read_journal(path: Path) -> Iterator[TrialRow]:
 
 
 class TrialJournal:
-    """Journal file of finished trials; each row survives a killed process."""
+    """Journal file to which each finished trial is appended; its rows survive a killed process."""
 
     def __init__(self, path: Path, take: TakeRow) -> None:
         """Opens a journal, to append after its last complete row.
@@ -59,7 +59,7 @@ class TrialJournal:
         self._file.truncate(size_bytes)
 
     def append(self, row: TrialRow) -> None:
-        """Appends a finished trial.
+        """Appends a finished trial's row to the journal file.
 
         Raises:
             OSError: The row cannot be written, such as on a full disk.
@@ -75,7 +75,10 @@ class TrialJournal:
 
 
 def _rows(path: Path) -> Iterator[tuple[TrialRow, int]]:
-    """Yields the rows, each with the byte offset of its end."""
+    """Yields the rows of a trials journal, each with the byte offset of its end, up to the first damaged line.
+
+    Yields none if there is no journal.
+    """
     try:
         file = open_left(path)
     except FileNotFoundError:
@@ -216,7 +219,7 @@ def complete_after_all(plan: RunPlan, *, ended_by: str | None) -> None:
 
 
 def recorded_trials(output_dir: Path) -> list[int]:
-    """Returns the numbers of the trials that have an output folder."""
+    """Returns the numbers of the trials that have an output folder of their own, in order."""
     folder = output_dir / TRIALS_FOLDER
     if not folder.is_dir():
         return []

@@ -67,7 +67,10 @@ class Tally:
         """Message about code that did not answer when the job was stopped in a trial; empty: none."""
 
     def take(self, row: TrialRow) -> None:
-        """Adds one trial's results to the job's counts."""
+        """Adds one trial's results to the job's counts, means, notes and digest; trials come in order of their numbers.
+
+        Names of requirements and metrics beyond a limit are left out.
+        """
         self.rows += 1
         counted = _COUNTED[row.verdict]
         self._counts[counted] = self._counts.get(counted, 0) + 1
@@ -107,7 +110,7 @@ class Tally:
 
     @property
     def first_failing(self) -> list[int]:
-        """Numbers of the first trials that did not pass."""
+        """Numbers of the first trials that failed or ended with an error, at most as many as are kept."""
         return [each.trial for each in self._failing]
 
     @property
@@ -116,7 +119,7 @@ class Tally:
         return self.rows >= self._trials.count
 
     def summary(self, recorded: list[int]) -> TrialsSummary:
-        """Returns the summary of the trials.
+        """Returns the summary of the job's trials for its result: counts by verdict, cell and axis.
 
         Args:
             recorded: Numbers of the trials that have an output folder.
@@ -144,7 +147,7 @@ class Tally:
             ended_by: `environment` once all trials ran, else the cause of the run's end.
             seed: The job's seed.
             versions: Versions of the packages that the numbers depend on.
-            recorded: See `summary`.
+            recorded: Numbers of the trials that have an output folder.
         """
         summary = self.summary(recorded)
         own = Requirement(
@@ -188,7 +191,10 @@ class Tally:
 
     @property
     def _in_words(self) -> str:
-        """Describes the trials that did not pass: `3 of 100 trials did not pass: 4, 17 and 33`."""
+        """Text that says how many trials did not pass, and which: `3 of 100 trials did not pass: 4, 17 and 33`.
+
+        It also says if trials have no verdict, or the job was stopped.
+        """
         bad = self._counts.get("failed", 0) + self._counts.get("errors", 0)
         text = f"{bad} of {_trials(self.rows)} did not pass" if bad else f"none of {_trials(self.rows)} failed"
         if bad:
@@ -218,7 +224,7 @@ class Tally:
 
 @dataclass
 class _Mean:
-    """Running mean of numbers that are not stored."""
+    """Mean of numbers that are added one by one and not kept."""
 
     count: int = 0
     value: float = 0.0
@@ -248,7 +254,10 @@ class _RequirementCount:
             self.worst = requirement
 
     def requirement(self, name: str) -> Requirement:
-        """Makes a requirement's entry in the job's result: in how many trials it was met, and the worst value."""
+        """Returns a requirement's entry in the job's result: in how many trials it was met, and the worst value.
+
+        The entry itself does not count for the verdict.
+        """
         told = {"value", "limit", "unit", "margin"}
         worst = {} if self.worst is None else self.worst.model_dump(include=told)
         return Requirement(
@@ -262,7 +271,7 @@ class _RequirementCount:
 
 
 def _count(counts: dict[_Key, dict[str, int]], key: _Key, counted: str) -> None:
-    """Increases a count of a key, if the key is among the first `MAX_CELLS`."""
+    """Increases a count of a key by one, if the key is among the first `MAX_CELLS`; else does nothing."""
     if key in counts or len(counts) < MAX_CELLS:
         of_key = counts.setdefault(key, {})
         of_key[counted] = of_key.get(counted, 0) + 1

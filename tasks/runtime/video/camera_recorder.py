@@ -46,7 +46,7 @@ _MOST_MM = 0xFFFF
 
 
 class _Sight(NamedTuple):
-    """Image and depths that a camera sees; parts that are not needed are missing."""
+    """Image and depths (m) that a camera sees, each missing if it is not needed, and the camera's pose."""
 
     picture: Image | None
     depths_m: Depths | None
@@ -73,7 +73,7 @@ class CameraRecorder(Observer):
         backend: str | None,
         options: Callable[[], RosOptions] = RosOptions,
     ) -> None:
-        """Stores the settings; nothing is rendered before the first call of `watch`.
+        """Prepares the recorder of an environment's camera; nothing is rendered before the first call of `watch`.
 
         Args:
             recorder: Recorder that gets the images; it knows which topics nodes subscribe to.
@@ -88,6 +88,8 @@ class CameraRecorder(Observer):
 
     def watch(self, environment: Any, time_s: float) -> None:
         """Records a picture, and publishes the camera topics that nodes subscribe to.
+
+        If no picture can be made, that is written to standard error, and the camera is not tried again.
 
         Raises:
             RecordingError: The recording cannot be written.
@@ -147,14 +149,14 @@ class CameraRecorder(Observer):
         return _Sight(picture, depths_m, mount)
 
     def close(self, ended_by: str | None) -> Findings:
-        """Frees the renderer; returns the reason if no pictures were recorded."""
+        """Frees the renderer; returns the reason if pictures could not be recorded, and no findings otherwise."""
         del ended_by
         if self._renderer is not None:
             self._renderer.close()
         return Findings({"camera_error": self._error} if self._error else {})
 
     def _aimed(self, environment: Any) -> tuple[ViewRenderer, mujoco.MjData]:
-        """Returns the renderer for the environment's current model, and the state to render."""
+        """Returns the renderer for the environment's current model, made anew if that is, and the state to render."""
         model, data = raw_physics(environment.physics)
         if self._renderer is None or model is not self._renderer.model:
             if self._renderer is not None:
@@ -184,7 +186,7 @@ def _jpeg(pixels: Image) -> bytes:
 
 
 def _depth_image(header: ros.Header, depths_m: Depths, encoding: str) -> ros.Image:
-    """Makes a depth image message as in REP 118."""
+    """Returns a ROS depth image message as in REP 118: metres as floats, or millimetres as integers, 0 if too far."""
     if encoding == "32FC1":
         return ros.Image(header, encoding, depths_m)
     millimetres = np.rint(1000.0 * depths_m)
@@ -192,7 +194,7 @@ def _depth_image(header: ros.Header, depths_m: Depths, encoding: str) -> ros.Ima
 
 
 def _points(depths_m: Depths, info: CameraInfo) -> Depths:
-    """Computes the points of a depth image in the optical frame, in the order of the pixels."""
+    """Computes the points of a depth image in the optical frame in metres, shape (height, width, 3), NaN at the sky."""
     height, width = depths_m.shape
     seen_m = np.where(np.isfinite(depths_m), depths_m, np.float32(np.nan))
     right = (np.arange(width, dtype=np.float32) - np.float32(info.cx)) / np.float32(info.fx)
@@ -201,7 +203,10 @@ def _points(depths_m: Depths, info: CameraInfo) -> Depths:
 
 
 def _default_camera(model: mujoco.MjModel) -> str | None:
-    """Chooses the robot's front camera, else the model's first camera that has a name."""
+    """Returns the name of the robot's front camera, else of the model's first camera that has a name.
+
+    Returns `None` if there is none.
+    """
     names = [model.camera(camera).name for camera in range(model.ncam)]
     ahead = [name for name in names if name.rpartition("/")[2] == _FRONT]
     return next((name for name in (*ahead, *names) if name), None)

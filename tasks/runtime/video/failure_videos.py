@@ -108,7 +108,17 @@ def _carry_out(
     stop: Callable[[], str | None],
     deadline_s: float,
 ) -> str | None:
-    """Runs the program that renders the videos; returns the failure as text."""
+    """Runs the program that renders the videos of a failed run; returns the failure as text, or `None`.
+
+    The program is killed if the job is stopped or the time is over.
+
+    Args:
+        request: Videos to render.
+        work_dir: Folder in which the program runs, and its messages are written.
+        environment: Environment variables of the program.
+        stop: Returns why the job is stopped, or `None`.
+        deadline_s: Time at which it is killed, of the monotonic clock in seconds.
+    """
     remarks_path = work_dir / _REMARKS_FILE
     remarks_path.unlink(missing_ok=True)
     with remarks_path.open("xb") as remarks:

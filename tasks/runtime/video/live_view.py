@@ -54,7 +54,7 @@ class LiveFrames:
     """
 
     def __init__(self, backend: str | None, settings: VideoSettings) -> None:
-        """Stores the settings; nothing is rendered before a viewer waits.
+        """Prepares the images of a run's live view; nothing is rendered before a viewer waits.
 
         Args:
             backend: `egl` or `osmesa`; None or `rays`: ray casting.
@@ -76,7 +76,10 @@ class LiveFrames:
         self._drawer: threading.Thread | None = None
 
     def offer(self, environment: Any, time_s: float) -> None:
-        """Copies the current positions if a viewer waits for a picture and one is due."""
+        """Copies the current positions for the drawing thread, if a viewer waits for a picture and one is due.
+
+        The first such call starts the thread.
+        """
         if not self._wanted or time.monotonic() < self._next_s:
             return
         model, data = raw_physics(environment.physics)
@@ -91,7 +94,7 @@ class LiveFrames:
             self._changed.notify_all()
 
     def next_after(self, number: int, timeout_s: float) -> tuple[int, bytes]:
-        """Waits for a new picture of the live view.
+        """Waits for a new picture of the live view, and returns it.
 
         Args:
             number: Number of the image that the caller has; 0: none.
@@ -111,7 +114,7 @@ class LiveFrames:
             return self._number, self._jpeg
 
     def close(self) -> None:
-        """Releases all waiting viewers, and ends the rendering thread."""
+        """Releases all waiting viewers, and waits a limited time until the rendering thread has ended."""
         with self._changed:
             self.closed = True
             self._changed.notify_all()
@@ -153,7 +156,7 @@ class LiveFrames:
 
 
 class _Easel:
-    """Renders states of one model, on a copy of the model."""
+    """Renderer of the live view's pictures of one model, which works on a copy of the model in its own thread."""
 
     def __init__(self, state: _State, settings: VideoSettings, backend: str) -> None:
         self.model = state.model
@@ -203,7 +206,9 @@ class LiveView(Observer):
         settings: VideoSettings,
         patience_s: float = PATIENCE_S,
     ) -> None:
-        """Starts the server, and writes its URL to the log and to `live-view.json`.
+        """Starts the server of a run's live view, and writes its URL to the log and to `live-view.json`.
+
+        If the port cannot be used, that is written to standard error, and there is no live view.
 
         Args:
             plan: Plan of the run; `live_view_port` is the port, 0 for any free one.
@@ -231,7 +236,7 @@ class LiveView(Observer):
         sys.stdout.write(f"Live view: {self.url}\n")
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Updates the time, and passes on the state if a viewer waits for a picture."""
+        """Updates the time that is shown, and passes on the state if a viewer waits for a picture."""
         if self._state == "starting":
             self._state, self._began_s = "running", time.monotonic()
         self._time_s = time_s
@@ -239,7 +244,7 @@ class LiveView(Observer):
         self.next_time_s = time_s + _CHECK_EVERY_S
 
     def close(self, ended_by: str | None) -> Findings:
-        """Ends the web server of the live view."""
+        """Ends the web server of the live view, and deletes the file with its address; returns no findings."""
         del ended_by
         self._file.unlink(missing_ok=True)
         self._frames.close()
@@ -251,7 +256,7 @@ class LiveView(Observer):
         """Restores nothing: the live view of a resumed run begins anew."""
 
     def status(self) -> dict[str, Any]:
-        """Returns the status shown beside the live picture; times in seconds."""
+        """Returns the run's status that is shown beside the live picture, as JSON members; times are in seconds."""
         wall_s = time.monotonic() - self._began_s
         return {
             "job": self._plan.job_id,
@@ -295,7 +300,7 @@ class _Server(ThreadingHTTPServer):
             self.socket.shutdown(socket.SHUT_RDWR)  # wakes it
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Ignores errors of viewers who disconnect."""
+        """Ignores every error of a viewer's request, such as a disconnection, so that nothing is printed."""
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -308,7 +313,10 @@ class _Handler(BaseHTTPRequestHandler):
         return self.server
 
     def do_GET(self) -> None:
-        """Answers a viewer's HTTP request."""
+        """Answers a viewer's HTTP request: the page, the status, a picture or a stream of pictures, else 404.
+
+        Requests to names other than this machine's own are refused with 403.
+        """
         host = (self.headers.get("Host") or "").rsplit(":", 1)[0].lower()
         if host not in _LOCAL_NAMES:  # a page from elsewhere whose name was made to point here
             self._answer(403, "text/plain; charset=utf-8", b"This page answers to 127.0.0.1 and localhost only.\n")

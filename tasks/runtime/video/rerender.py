@@ -37,6 +37,8 @@ _TOLERANCE_S = 5e-7
 def write_videos(request: VideoRequest) -> None:
     """Renders `last-10s.mp4`, `poster.png`, and if asked for `video.mp4`, from a state log.
 
+    Replaces earlier files and links of these names, and notes the videos' times in the run's timeline.
+
     Raises:
         StateLogError: The run has no state log.
         ValueError: No state was noted, or there is no such camera.
@@ -66,6 +68,8 @@ def write_video(
     log: StateLog, path: Path, settings: VideoSettings, backend: str, begin_s: float = 0.0
 ) -> tuple[Image, FilmTimes]:
     """Renders one video from a state log, from a start time to the end.
+
+    Nothing is left of the video after an error.
 
     Args:
         log: State log of the run.
@@ -104,7 +108,7 @@ def _first_frame(log: StateLog, settings: VideoSettings, begin_s: float) -> int:
 
 
 def _pictures(log: StateLog, settings: VideoSettings, backend: str, begin: int) -> Iterator[Image]:
-    """Yields the images of the video's frames from a number on; at least that of the last state."""
+    """Yields the images of the video's frames from the frame number `begin` on; at least that of the last state."""
     for segment in log.segments:
         last = math.floor((segment.times[-1] + _TOLERANCE_S) * settings.rate_hz)
         if last >= begin:
@@ -133,7 +137,10 @@ def _pictures_of(
 
 
 def main() -> int:
-    """Entry point of a child process that renders the videos requested on its command line."""
+    """Entry point of a child process that renders the videos requested, as JSON, on its command line.
+
+    Returns the exit code: 1 if rendering failed, with the reason on standard error, or if the parent has died, else 0.
+    """
     request = VideoRequest.model_validate_json(sys.argv[1])
     die_with_parent()
     if os.getppid() != request.parent_pid:

@@ -36,7 +36,7 @@ class VideoWriter:
     """Writer of an H.264 video file, which is renamed to its path when it is complete."""
 
     def __init__(self, path: Path, size: tuple[int, int], rate_hz: int) -> None:
-        """Opens the file under a temporary name.
+        """Opens a video file (MP4 with H.264) under a temporary name.
 
         Args:
             path: Path of the complete file.
@@ -92,7 +92,7 @@ _FRAME = 245
 
 
 class ViewRenderer:
-    """Renders the frames of one video from a camera view."""
+    """Renderer of the frames of one video, and of depths, from a camera view; to be closed at the end."""
 
     def __init__(
         self,
@@ -102,7 +102,7 @@ class ViewRenderer:
         environment_camera: str | None = None,
         said_by: str = CAMERA_VARIABLE,
     ) -> None:
-        """Creates the renderer, with its OpenGL context.
+        """Creates the renderer of a model's views, with its OpenGL context if it needs one.
 
         Args:
             model: The MuJoCo model.
@@ -130,7 +130,7 @@ class ViewRenderer:
             self._camera = GlCamera(model, width, height, backend, lit or None)
 
     def aim(self, name: str | None, said_by: str) -> None:
-        """Switches to another camera.
+        """Switches the renderer to another camera of its model.
 
         Args:
             name: Name of the view; see `views.choose_views`.
@@ -145,14 +145,14 @@ class ViewRenderer:
         self._small_time_s = 0.0
 
     def picture(self, data: mujoco.MjData) -> Image:
-        """Renders the picture of a state whose poses have been computed."""
+        """Renders the picture of a state whose poses have been computed, perhaps with a small second view."""
         picture = self._camera.picture(data, self._view)
         if self._small_view is not None:
             _inset(picture, self._small_picture(data, self._small_view))
         return picture
 
     def depths(self, data: mujoco.MjData) -> Depths:
-        """Renders a depth image of a simulation state."""
+        """Renders the depths in the camera view of a simulation state, in metres, shape (height, width)."""
         return self._camera.depths(data, self._view)
 
     def look(self, data: mujoco.MjData, scene: mujoco.MjvScene) -> mujoco.MjvCamera:
@@ -169,12 +169,12 @@ class ViewRenderer:
         return self._small
 
     def close(self) -> None:
-        """Frees the renderer's memory."""
+        """Frees the renderer's memory; no picture can be rendered afterwards."""
         self._camera.close()
 
 
 def _inset(picture: Image, small: Image) -> None:
-    """Puts a small image into the upper right corner of an image, with a frame."""
+    """Puts a small image into the upper right corner of another image, in place, with a frame."""
     edge = max(1, picture.shape[0] // 240)
     margin = max(2, round(_INSET_MARGIN_SHARE * picture.shape[0]))
     height, width = small.shape[:2]
@@ -194,7 +194,7 @@ class VideoWatcher(Observer):
     """
 
     def __init__(self, output_dir: Path, backend: str | None, settings: VideoSettings = DEFAULTS) -> None:
-        """Stores the settings; no file is opened before the first frame.
+        """Prepares the recorder of a run's video and poster; no file is opened before the first frame.
 
         Args:
             output_dir: Folder for `video.mp4` and `poster.png`.
@@ -213,7 +213,10 @@ class VideoWatcher(Observer):
         self._is_finished = False
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Renders a frame, and repeats it for frames that a long control step skipped."""
+        """Renders a frame of the video, and repeats it for frames that a long control step skipped.
+
+        An error ends the video, and not the run; a wrong camera name is told on standard error.
+        """
         try:
             picture = self._picture(environment)
             if self._writer is None:
@@ -233,7 +236,7 @@ class VideoWatcher(Observer):
             self._give_up()
 
     def close(self, ended_by: str | None) -> Findings:
-        """Finishes the video files.
+        """Finishes the video file and its poster, the picture that stands for it.
 
         Args:
             ended_by: Cause of the run's end; None if it failed. The video is finished in any case.
@@ -269,7 +272,7 @@ class VideoWatcher(Observer):
         return {VIDEO_FILE: times}
 
     def restore(self, state: float, environment: Any) -> None:
-        """Begins a new video for a resumed run, because the earlier one was lost."""
+        """Begins a new video at the time of a checkpoint, because the earlier one was lost with its process."""
         super().restore(state, environment)
         self._begins_s = state
 

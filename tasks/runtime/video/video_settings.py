@@ -75,7 +75,7 @@ def settings_of(plan: RunPlan) -> VideoSettings:
     """Returns the video settings of a run; the simulation application's variables win.
 
     Raises:
-        LaunchError: See `video_settings` and `appearance_of`.
+        LaunchError: A variable is not a valid camera, size, rate or name of an appearance.
     """
     return replace(video_settings(variables_of(plan)), appearance=appearance_of(plan), seed=plan.seed)
 

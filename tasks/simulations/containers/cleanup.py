@@ -39,7 +39,7 @@ class ContainerNote:
 
 
 def note_container(folder: Path, note: ContainerNote) -> None:
-    """Stores the record of a container that a run will create."""
+    """Writes the record of a container that a run will create into the run's folder, for its later removal."""
     with (folder / _NOTES).open("a") as notes:
         notes.write(json.dumps(asdict(note)) + "\n")
 
@@ -48,7 +48,8 @@ def note_container(folder: Path, note: ContainerNote) -> None:
 def noted_container(folder: Path, note: ContainerNote, suffix: str = "") -> Iterator[str]:
     """Records on disk a container that is created inside the `with` block, for its removal; yields its suffixed name.
 
-    If another container had the name already, the record is deleted, as that container is not this run's to remove.
+    If another container had the name already, the record is deleted, as that container is not this run's to remove; the
+    error is raised again.
     """
     note = replace(note, name=note.name + suffix)
     note_container(folder, note)
@@ -111,7 +112,7 @@ def has_containers(folder: Path) -> bool:
 
 
 def remove_run(folder: Path) -> bool:
-    """Deletes the folder of a run, unless it has containers left; returns whether it was deleted."""
+    """Deletes the folder of a run, unless it may have containers left; returns whether it was deleted."""
     if has_containers(folder):
         return False
     remove(folder)
@@ -119,7 +120,10 @@ def remove_run(folder: Path) -> bool:
 
 
 def _free_shared_memory(folder: Path, notes: Sequence[ContainerNote], environment: Mapping[str, str]) -> list[str]:
-    """Deletes the shared memory of a run's containers; returns error texts for memory that cannot be deleted."""
+    """Deletes the shared memory of a run's containers, and returns an error text for each folder that stays.
+
+    Folders that root made in a container are given to this user by a container of the same image first.
+    """
     left, said = remove_shared_memory(folder), ""
     for note, place in product({note.image: note for note in notes}.values(), left):
         try:
@@ -132,6 +136,8 @@ def _free_shared_memory(folder: Path, notes: Sequence[ContainerNote], environmen
 
 def _give_back(root: Path, note: ContainerNote, environment: Mapping[str, str]) -> None:
     """Makes this user the owner of files that a container wrote as root, which could not be deleted otherwise.
+
+    Does nothing if this user is root, or all files are this user's own.
 
     Raises:
         EngineError: The image does not have what is needed, or the engine does not answer.
@@ -159,7 +165,10 @@ def _notes(folder: Path) -> list[ContainerNote]:
 
 
 def _keep_notes(folder: Path, notes: Sequence[ContainerNote]) -> None:
-    """Replaces the stored list of a run's containers."""
+    """Replaces the stored list of a run's containers; an empty list deletes the file.
+
+    A failure is ignored: too many are noted then, which does no harm.
+    """
     if not notes:
         (folder / _NOTES).unlink(missing_ok=True)
         return

@@ -167,7 +167,7 @@ def get_image(
     digest: str | None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> Image:
-    """Pulls a container image if necessary, and checks that a job may run it.
+    """Pulls a container image if necessary, checks that a job may run it, and returns its description.
 
     An image that was built on this machine is not pulled: its name in a registry may be another image. If the engine
     cannot tell where an image is from, this holds for all local images without a registry in their name. A local image
@@ -258,7 +258,10 @@ def copy_out(
 
 
 def _inspect(engine: Engine, uri: str) -> Image | None:
-    """Reads an image's description from the engine; `None` if the image is not on this machine."""
+    """Reads a container image's description (id, digests, ports, variables) from the engine of this machine.
+
+    Returns `None` if the image is not on this machine or the engine fails.
+    """
     try:
         found: dict[str, Any] = json.loads(engine.call("image", "inspect", uri))[0]
     except (EngineError, ValueError, LookupError):
@@ -276,7 +279,11 @@ def _inspect(engine: Engine, uri: str) -> Image | None:
 
 
 def _may_be_built_here(engine: Engine, uri: str, image: Image) -> bool:
-    """Returns whether an image may have been built here: docker with containerd's store gives all images digests."""
+    """Whether an image may have been built on this machine, so that no registry has it.
+
+    Docker with containerd's store gives all images digests, so there any image whose name has no registry may be. False
+    if the engine fails.
+    """
     first, separator, _ = uri.partition("/")
     names_registry = separator and (first == "localhost" or "." in first or ":" in first)
     if image.is_built_here or engine.is_podman or names_registry:

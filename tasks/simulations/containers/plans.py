@@ -167,7 +167,7 @@ _RUN_BRIDGE = (
 
 
 def _make(container: Container, note: ContainerNote, folder: Path) -> None:
-    """Creates a container, which is started later.
+    """Creates a container, which is started later; raises `LaunchError` if the engine refuses.
 
     If the client is killed while creating a container, nothing tells whether the engine completes it. So this is not
     cancelled, and is separate from starting the container.
@@ -189,7 +189,7 @@ def _make(container: Container, note: ContainerNote, folder: Path) -> None:
 
 
 def _container_name(role: ApplicationRole, run_environment: RunEnvironment) -> str:
-    """Makes a unique container name; it includes the folder, as reruns of a stored run have the same run id."""
+    """Returns a unique container name; it includes the folder, as reruns of a stored run have the same run id."""
     digest = hashlib.sha256(os.fsencode(run_environment.folder.absolute())).hexdigest()[:10]
     return f"robomaker-{run_environment.plan.job_id}-{run_environment.plan.run_id.lower()}-{digest}-{role}"
 
@@ -213,7 +213,7 @@ def check_gpu(container: Container, name: str) -> None:
 
 
 def _seeded_sandbox(engine: Engine, note: ContainerNote, run_environment: RunEnvironment) -> Sandbox:
-    """Makes folders for a container, filled with the image's content of them; any `USER` may write to them."""
+    """Creates a container's folders, filled with what the image has in them; any user may write to them."""
     sandbox = container_sandbox(run_environment.folder, note.role).create()
     sandbox.root.chmod(0o700)  # programs of an image that are root's stay out of the reach of other users
     folders = {path: sandbox.place(path) for path in (HOME, LOGS)}
@@ -266,7 +266,7 @@ def _make_mount_point(sandbox: Sandbox, path: str) -> None:
 
 
 def _agent_folder(run_environment: RunEnvironment) -> Path:
-    """Creates the folder of the agent socket, before the engine would create it as root."""
+    """Creates and returns the folder of the agent socket, before the engine would create it as root."""
     folder = agent_socket_path(run_environment.plan).parent
     folder.parent.mkdir(0o700, exist_ok=True)
     folder.mkdir(0o755, exist_ok=True)
@@ -274,7 +274,10 @@ def _agent_folder(run_environment: RunEnvironment) -> Path:
 
 
 def _container_variables(run_environment: RunEnvironment, drives: bool) -> dict[str, str]:
-    """Returns a container's environment variables, without those that name folders of this machine."""
+    """Returns the job's environment variables for a container, with paths as they are inside it.
+
+    Without a GPU in the job, GPUs are hidden.
+    """
     variables = {
         "AWS_ROBOMAKER_SIMULATION_JOB_ID": run_environment.plan.job_id,
         "AWS_ROBOMAKER_SIMULATION_JOB_ARN": run_environment.plan.job_arn,

@@ -69,7 +69,8 @@ def endpoint_variables(
 ) -> dict[str, str]:
     """Makes the variables by which AWS SDKs in a job call this service and its object store instead of AWS.
 
-    The files that the variables name are written.
+    Writes the files that the variables name. Returns no variables if there is neither a server to call nor AWS to
+    refuse.
 
     Args:
         variables: Environment variables of the run so far.
@@ -105,7 +106,7 @@ def endpoint_variables(
 
 
 def without_refusal(variables: Mapping[str, str]) -> dict[str, str]:
-    """Removes the refusal of AWS from variables, for programs with AWS credentials of their own."""
+    """Returns variables without those that refuse AWS, for programs with AWS credentials of their own."""
     kept = {name: value for name, value in variables.items() if name != ALL_VARIABLE}
     if ALL_VARIABLE in variables and (paths := variables.get(DATA_VARIABLE)):
         kept[DATA_VARIABLE] = os.pathsep.join(
@@ -115,14 +116,17 @@ def without_refusal(variables: Mapping[str, str]) -> dict[str, str]:
 
 
 def container_data_path(variables: Mapping[str, str]) -> dict[str, str]:
-    """Makes the variable by which AWS SDKs in a container find the service's model files."""
+    """Returns the variable by which AWS SDKs in a container find the service's model files, if the job has one."""
     paths = variables.get(DATA_VARIABLE, "").split(os.pathsep)
     found = [f"{AWS}/{name}" for name in (NO_AWS, MODELS) if any(path.endswith(f"{AWS}/{name}") for path in paths)]
     return {DATA_VARIABLE: os.pathsep.join(found)} if found else {}
 
 
 def _copy_model(variables: Mapping[str, str], folder: Path) -> None:
-    """Copies the service's model next to the endpoint lists, as containers do not have the job worker's folders."""
+    """Copies the service's model next to the endpoint lists, as containers do not have the job worker's folders.
+
+    Does nothing if the variables name no model.
+    """
     for place in variables.get(DATA_VARIABLE, "").split(os.pathsep):
         if place and (model := place / _MODEL).is_dir():
             shutil.copytree(model, folder / _MODEL, dirs_exist_ok=True)

@@ -32,7 +32,7 @@ class Sandbox:
     """Folder of this machine that the job sees as `/`."""
 
     def create(self) -> "Sandbox":
-        """Creates the folders that every job has."""
+        """Creates the folders that every job has, unless they exist, and returns this object."""
         for folder in _FOLDERS:
             self.place(folder).mkdir(parents=True, exist_ok=True)
         return self
@@ -67,7 +67,10 @@ def protect(folder: Path) -> None:
 
 
 def remove(folder: Path) -> None:
-    """Deletes a folder as far as possible, including read-only files of programs."""
+    """Deletes a folder (or a file or link of that name) as far as possible, including read-only files of programs.
+
+    What cannot be deleted stays, without an error.
+    """
     if folder.is_symlink() or not folder.is_dir():
         folder.unlink(missing_ok=True)
         return
@@ -78,7 +81,10 @@ def remove(folder: Path) -> None:
 
 
 def _unprotect_and_retry(function: object, path: str, problem: object) -> None:
-    """Makes the parent folder of a file that cannot be deleted writable, and deletes the file then."""
+    """Deletes a file or folder that could not be deleted, after making it and its parent folder writable.
+
+    A folder that still cannot be emptied stays, without an error.
+    """
     del function, problem
     target = Path(path)
     for folder in (target.parent, target):
@@ -95,9 +101,9 @@ _MACHINES = Path("/dev/shm")  # noqa: S108 - what is made there is private
 
 
 def make_shared_memory(folder: Path, machines: Path = _MACHINES) -> Path:
-    """Creates the folder that a run's containers mount as `/dev/shm`.
+    """Creates the folder that a run's containers mount as `/dev/shm`, and returns it.
 
-    It is in memory, or on the disk if that is not possible.
+    It is in memory, or on the disk if that is not possible. Raises `OSError` if it can be made in neither.
 
     Args:
         folder: Folder of the run.

@@ -23,7 +23,7 @@ _PLACEHOLDERS = ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY")
 
 
 def role_of(request: Mapping[str, Any]) -> str | None:
-    """Returns the ARN of the access role that a job request names."""
+    """Returns the ARN of the access role that a job request names; `None` if it names none."""
     return request.get("iamRole")
 
 
@@ -42,6 +42,8 @@ def acting_service(request: Mapping[str, Any], service: Service) -> Service:
 
 def store_variables(request: Mapping[str, Any], sandbox: Sandbox, service: Service) -> dict[str, str]:
     """Makes the variables that name AWS config files with the address of the object store's S3 server, for a job.
+
+    Returns none if the store has no S3 server and the request no role with credentials. The files are not written here.
 
     Args:
         request: Request of the job.
@@ -68,7 +70,7 @@ def access_variables(
     service: Service,
     environ: Mapping[str, str],
 ) -> dict[str, str]:
-    """Adds the variables by which AWS SDKs in a job find this service, and act as the job's role.
+    """Returns variables by which AWS SDKs in a job find this service, and act as the job's role, besides the run's own.
 
     The files that the variables name are written. Placeholder credentials for clients of the service are removed if the
     role has credentials, as SDKs would use them for the object store.
@@ -94,7 +96,7 @@ def access_variables(
 
 
 def container_variables(variables: Mapping[str, str]) -> dict[str, str]:
-    """Converts the variables for use in a container, where files have other paths."""
+    """Returns the AWS variables of a job with the paths that their files have in a container."""
     places = {"AWS_CONFIG_FILE": _CONTAINER_CONFIG, "S3CMD_CONFIG": _S3CFG}
     found = {name: value for name, value in variables.items() if name.startswith("AWS_") and name != DATA_VARIABLE}
     found |= {name: f"{AWS}/{file}" for name, file in places.items() if name in variables}
@@ -118,9 +120,10 @@ def role_keys(request: Mapping[str, Any], service: Service) -> Keys | None:
 
 
 def write_store_files(sandbox: Sandbox, settings: Settings, keys: Keys | None) -> None:
-    """Writes the config and credentials files for the object store, atomically.
+    """Writes the config and credentials files for the object store in a run's folder, each atomically.
 
-    Any user of a container may read them; other users of this machine cannot reach the folder.
+    Any user of a container may read them; other users of this machine cannot reach the folder. Without keys, the files
+    have only its server and region.
     """
     folder, endpoint = sandbox.place(AWS), store_server(settings)
     folder.mkdir(parents=True, exist_ok=True)
@@ -146,7 +149,7 @@ def _config(settings: Settings, folder: PurePath, keys: Keys | None, *, path_sty
 
 
 def _process_answer(keys: Keys) -> dict[str, Any]:
-    """Returns the credentials as the JSON output of a `credential_process`."""
+    """Returns credentials in the form that AWS clients expect as JSON output of a `credential_process`."""
     answer: dict[str, Any] = {
         "Version": 1,
         "AccessKeyId": keys.access_key_id,
@@ -168,7 +171,7 @@ def _s3cfg(endpoint: str, region: str, keys: Keys | None) -> str:
 
 
 def _write(path: Path, text: str) -> None:
-    """Replaces a file atomically, as a program may be reading it."""
+    """Writes text to a file atomically, as a program may be reading it; creates its folder if necessary."""
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{uuid4().hex}.part")
     temporary.write_text(text, encoding="utf-8")
@@ -185,7 +188,9 @@ _logger = logging.getLogger(__name__)
 
 @contextmanager
 def fresh_keys(request: Mapping[str, Any], service: Service, folder: Path, every_s: float = EVERY_S) -> Generator[None]:
-    """Keeps the role's credentials file up to date inside the `with` block.
+    """Writes the files of a role's credentials, and keeps them up to date in a thread inside the `with` block.
+
+    Does nothing without a role. If credentials cannot be renewed, that is logged.
 
     Args:
         request: Request of the job.

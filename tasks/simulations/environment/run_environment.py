@@ -27,7 +27,7 @@ def process_variables(
         sandbox: Folders of the run.
         settings: Settings of the service.
         environ: Environment variables of this process.
-        caller: See `service_variables`.
+        caller: Id and key of the job, separated by a slash, by which the endpoint recognises its calls.
     """
     return {
         "TMPDIR": str(sandbox.place(TEMPORARY)),
@@ -108,7 +108,7 @@ class RunEnvironment:
     """Function that creates the ROS packages of the job's world on the first call; `None`: the job has no world."""
 
     def which(self, name: str) -> str | None:
-        """Finds a program on the PATH of the job's processes."""
+        """Returns the path of a program on the PATH of the job's processes; `None` if there is none."""
         return shutil.which(name, path=search_path(self.environ))
 
 
@@ -148,7 +148,15 @@ def tool_plan(
     folder: Path,
     environment: Mapping[str, str],
 ) -> ProgramPlan:
-    """Makes the plan of a tool, a program beside an application."""
+    """Returns the plan of a tool: a program beside an application, by default started again whenever it ends.
+
+    Args:
+        role: Role of the application.
+        tool: The tool as the request describes it: `name`, and perhaps `exitBehavior`.
+        argv: Command line of the tool.
+        folder: Working folder of the tool.
+        environment: Environment variables of the tool.
+    """
     return ProgramPlan(
         name=f"{role}-{tool['name']}",
         role=role,

@@ -155,7 +155,10 @@ def _copied(archive: Path, copy: Path, info: ObjectInfo) -> ObjectInfo:
 
 
 def _earlier_bundle(etag: str, role: str, keeper: Service) -> Path | None:
-    """The unpacked archive of an ETag, from this machine or from what is kept; `None`: it is nowhere."""
+    """Returns the folder with the unpacked archive of an ETag, from this machine's cache or from the kept archives.
+
+    Returns `None` if neither has it. Raises `LaunchError` if the kept archive cannot be unpacked.
+    """
 
     def fill(folder: Path) -> None:
         with tempfile.TemporaryDirectory(dir=keeper.folder("scratch")) as scratch:
@@ -176,7 +179,7 @@ def _earlier_bundle(etag: str, role: str, keeper: Service) -> Path | None:
 
 
 def last_used(copy: Path) -> datetime:
-    """Returns the time at which a local copy of an archive was last used."""
+    """Returns the time at which a local copy of an archive was last used; the far future if it is gone."""
     try:
         return datetime.fromtimestamp(copy.stat().st_mtime, UTC)
     except FileNotFoundError:
@@ -213,9 +216,10 @@ def _changed(found: ObjectInfo, since: str, etag: str, failure_code: str) -> Lau
 
 
 def fill_once(folder: Path, fill: Callable[[Path], None], stopped: Stopped = never) -> Path:
-    """Fills a cache folder unless it exists; of several processes, one does it.
+    """Fills a cache folder unless it exists, and returns it; of several processes, one does it and the others wait.
 
-    The folder's modification time is that of its last use. The lock is released while waiting for the object store, so
+    The folder appears only when it is complete, and its modification time is that of its last use. Raises
+    `StorageUnavailableError` if `stopped` ends the wait. The lock is released while waiting for the object store, so
     that all processes that need the folder wait equally long.
     """
     if _is_used(folder):

@@ -95,7 +95,10 @@ def fetch_data_sources(sources: Sequence[ResolvedDataSource], sandbox: Sandbox, 
 
 
 def _folder_of(source: ResolvedDataSource, sandbox: Sandbox) -> Path:
-    """Returns the empty folder into which a data source is downloaded."""
+    """Creates the empty folder into which a data source is downloaded, and returns it.
+
+    If the source has a destination, all that is there is deleted, and the usual folder becomes a link to it.
+    """
     usual = sandbox.place(f"{DATA_SOURCES}/{source.name}")
     destination = source.destination
     if not destination:
@@ -150,7 +153,11 @@ def _fetch(source: ResolvedDataSource, item: ResolvedKey, folder: Path, service:
 
 
 def _unpack(archive: Path, folder: Path, *, has_destination: bool) -> None:
-    """Replaces a downloaded archive by its content."""
+    """Unpacks a downloaded archive and deletes it.
+
+    The content is put into the data source's folder if that has a destination, else into one beside the archive with
+    its name. Raises `BundleError` if the archive cannot be unpacked.
+    """
     if not has_destination:
         unpack(archive, archive.with_name(archive.name.removesuffix(".zip").removesuffix(".tar.gz")))
         archive.unlink()

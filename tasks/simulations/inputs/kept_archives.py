@@ -15,18 +15,18 @@ from ...service.store_retries import at_once
 from ...storage import ObjectInfo
 
 FOLDER = "kept-archives"
-"""Beginning of their keys in the service's bucket."""
+"""Beginning of the keys of kept archives in the service's bucket."""
 
 _logger = logging.getLogger(__name__)
 
 
 def key_of(etag: str) -> str:
-    """Returns the key of the kept archive of an ETag."""
+    """Returns the key in the object store of the kept archive of an ETag."""
     return f"{FOLDER}/{etag}"
 
 
 def is_kept(etag: str, service: Service) -> bool:
-    """Whether the archive of an ETag is kept.
+    """Whether the archive of an ETag is among the kept archives.
 
     Raises:
         StorageError: The store does not answer.
@@ -39,7 +39,9 @@ def is_kept(etag: str, service: Service) -> bool:
 
 
 def keep(etag: str, fetch: Callable[[Path], ObjectInfo], service: Service) -> None:
-    """Keeps an archive, unless it is kept already; a store that refuses it keeps no job from running.
+    """Stores a copy of an archive, unless it is kept already, or has been overwritten meanwhile.
+
+    If it cannot be kept, that is logged and not raised.
 
     Args:
         etag: Its ETag.
@@ -58,7 +60,7 @@ def keep(etag: str, fetch: Callable[[Path], ObjectInfo], service: Service) -> No
 
 
 def put(etag: str, archive: Path, service: Service) -> None:
-    """Stores an archive under its ETag.
+    """Stores an application's archive under its ETag among the kept archives.
 
     Raises:
         StorageError: It cannot be stored.

@@ -35,7 +35,7 @@ _DIGITS = 12
 
 
 def place_world_packages(world: Resource, sandbox: Sandbox, service: Service) -> WorldPackages:
-    """Generates ROS packages of a job's world in a run's folders, read-only.
+    """Generates ROS packages of a job's world in a run's folders, read-only, and returns their place.
 
     Args:
         world: The job's world.
@@ -107,7 +107,7 @@ def _joined(places: list[str], others: str | None) -> str:
 
 
 def _copy(source: Path, target: Path, *, writable: bool) -> None:
-    """Copies a folder so that all users can read it, such as those in containers."""
+    """Copies a folder so that all users can read it, also in containers; its owner can write if `writable`."""
     shutil.copytree(source, target)
     for path in [*target.rglob("*"), target]:
         path.chmod((0o755 if path.is_dir() else 0o644) if writable else (0o555 if path.is_dir() else 0o444))

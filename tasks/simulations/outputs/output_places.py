@@ -61,7 +61,8 @@ def prepare_bucket(service: Service, bucket: str) -> None:
     """Creates the bucket for outputs if the service may do so: in folder stores, and the configured bucket.
 
     A misspelt name never creates a bucket on an S3 server, even if the server creates buckets on upload. If the
-    credentials may write to a bucket, but not check its existence, the bucket is assumed to exist.
+    credentials may write to a bucket, but not check its existence, the bucket is assumed to exist. For other buckets it
+    is only checked that they exist.
 
     Raises:
         BucketNotFoundError: The bucket does not exist, and the service may not create it.

@@ -81,7 +81,10 @@ class RollingUploads:
             self._thread.join(_JOIN_S)
 
     def sweep(self) -> None:
-        """Uploads the files that are finished; failed ones are retried at the next call."""
+        """Moves files that the running job has finished aside, uploads them, and deletes them here.
+
+        A failed upload raises `StorageError`; its file is retried at the next call. Returns early if the run has ended.
+        """
         for upload in self._uploads:
             if os.path.lexists(self._folder / "output" / upload.name):
                 continue  # they get names of their own at the end, which the run's own outputs do not have

@@ -90,7 +90,7 @@ class RunOutputs:
         return SimulationJobDocument.of(self._job).request
 
     def prepare(self) -> None:
-        """Checks before a long run that its outputs can be uploaded.
+        """Checks, before a long run begins, that its outputs can be uploaded.
 
         Raises:
             LaunchError: The bucket does not exist, the job's role may not write to it, or the role does not exist.
@@ -106,7 +106,7 @@ class RunOutputs:
             raise LaunchError(f"outputLocation.s3Bucket: {error}", "BadPermissionsS3Output") from error
 
     def rolling(self) -> RollingUploads:
-        """Returns the uploader of files that are finished during the run."""
+        """Returns the uploader, not yet started, of files that programs finish during the run."""
         every_s = self._service.timing.upload_every_s
         store = acting_service(self._request, self._service).store
         room = Room.of(self._service.settings)
@@ -229,15 +229,15 @@ class RunOutputs:
         return self.place, words
 
     def _first_files(self) -> list[FolderFile]:
-        """Returns the files that say how the run went, without listing all outputs."""
+        """Returns the files that say how the run went, as far as they exist, without listing all outputs."""
         found = [FolderFile(name, self.output_dir / name) for name in FIRST]
         return [file for file in found if file.path.is_file() and not _is_linked(file.path)]
 
     def were_stored(self, stopped: Stopped = never) -> None:
-        """Checks that the outputs were uploaded completely.
+        """Checks that the run's outputs were uploaded completely.
 
         Args:
-            stopped: See `store`.
+            stopped: Function called while the store does not answer; true gives up.
 
         Raises:
             StorageError: The outputs were not uploaded completely.
@@ -280,7 +280,7 @@ class RunOutputs:
         return uploads_of(self._request, self._folder)
 
     def _stage(self, ended: Stopped) -> list[FolderFile]:
-        """Collects the files that upload configurations select, with their stored names, after all programs ended.
+        """Collects and returns the files that upload configurations select, with stored names, after all programs end.
 
         The files are linked into folders, one for each configuration, so that a job worker that continues after a crash
         finds the same files.
@@ -361,7 +361,7 @@ def _size_of(path: Path) -> int:
 
 
 def _counted(visit: Visit, index: int, matched: set[int]) -> Visit:
-    """Wraps a visitor of files so that it also records the configuration that matched."""
+    """Returns a visitor of files that calls another one and also records the configuration that matched."""
 
     def counted(descriptor: int, name: str, below: str) -> None:
         matched.add(index)
@@ -371,7 +371,7 @@ def _counted(visit: Visit, index: int, matched: set[int]) -> Visit:
 
 
 def failure_code_of(error: Exception) -> str:
-    """Returns the simulation job's failure code for a failed upload."""
+    """Returns the simulation job's failure code for the error of a failed upload."""
     if isinstance(error, CredentialsRefusedError):
         return "BadPermissionsUserCredentials"
     if isinstance(error, StorageAccessDeniedError | BucketNotFoundError):

@@ -51,7 +51,7 @@ def lacks_outputs(about: Mapping[str, JsonValue]) -> bool:
 
 
 class LeftOut:
-    """Output files of a run that are not uploaded, with the reasons."""
+    """Output files of a run that are not uploaded, with the reasons; of very many, only the first are named."""
 
     def __init__(self) -> None:
         self.files = 0
@@ -66,7 +66,7 @@ class LeftOut:
         return [f"'{each['path']}' is not stored: it {each['why']}" for each in self._named]
 
     def note(self, name: str, why: str, size_bytes: int = 0) -> None:
-        """Records a file that is not uploaded.
+        """Records an output file that is not uploaded, with the reason.
 
         Args:
             name: Path of the file among the outputs.
@@ -79,7 +79,7 @@ class LeftOut:
             self._named.append({"path": path, "sizeBytes": size_bytes, "why": why})
 
     def count(self, files: int, size_bytes: int) -> None:
-        """Counts files that are not uploaded, without their names."""
+        """Adds files that are not uploaded to the counts of files and bytes, without their names."""
         self.files += files
         self.size_bytes += size_bytes
 
@@ -93,7 +93,7 @@ class LeftOut:
 
 @dataclass
 class Room:
-    """Space that is left for a run's outputs in the object store: bytes and number of files."""
+    """Space that is left for a run's outputs in the object store, in bytes and files, and the files without space."""
 
     most_bytes: int
     most_files: int
@@ -112,7 +112,7 @@ class Room:
         self.used_bytes += sum(file.size_bytes for file in files)
 
     def why_not(self, size_bytes: int) -> str | None:
-        """Returns the reason why a file of a size has no space left; `None` if it has."""
+        """Returns the reason why a file of so many bytes has no space left among a run's outputs; `None` if it has."""
         if self.used_files >= self.most_files:
             return f"is beyond the {self.most_files} files that are stored of a run (ROBOMAKER_MAX_OUTPUT_FILES)"
         if self.used_bytes + size_bytes > self.most_bytes:
@@ -131,7 +131,7 @@ class Room:
         return True
 
     def notes(self) -> list[str]:
-        """Returns the note about outputs that were left out for lack of space."""
+        """Returns the note about outputs that were left out for lack of space; empty if none were."""
         if not (count := self.left_out.beyond_limits):
             return []
         files = "1 output is" if count == 1 else f"{count} outputs are"
@@ -246,7 +246,10 @@ class _Names:
             self._add(name)
 
     def take(self, name: str) -> str:
-        """Reserves the name, or the first free variant: `maps/a.pgm.1`; `maps.1/a.pgm` if `maps` is a file."""
+        """Reserves the name, or else the first free variant: `maps/a.pgm.1`; `maps.1/a.pgm` if `maps` is a file.
+
+        Returns the name that is reserved.
+        """
         free = next(each for each in _like(name) if self._is_free(each))
         self._add(free)
         return free

@@ -49,7 +49,10 @@ class UploadEnd:
         self._heard = False
 
     def __call__(self) -> bool:
-        """Returns the last answer; one thread asks the catalog again when it is time, and the others do not wait."""
+        """Whether the upload has to end because the job or its batch was cancelled, as far as the last look knows.
+
+        One thread asks the catalog again when it is time, and the others get the last answer without waiting.
+        """
         if not self._heard and time.monotonic() >= self._next_s and self._lock.acquire(blocking=False):
             try:
                 self._heard = self._is_canceled()

@@ -58,7 +58,10 @@ def _walk(folder: int, path: str, below: str, glob: Glob, visit: Visit, depth: i
 
 @contextmanager
 def _opened_below(root: Path, path: str) -> Iterator[int | None]:
-    """Opens a folder below another one; yields `None` if it does not exist or a link is on the way."""
+    """Opens a folder below another one inside the `with` block, and yields its file descriptor.
+
+    Yields `None` if the folder does not exist or a symbolic link is on the way.
+    """
     folder: int | None = None
     for name in (str(root), *filter(None, path.split("/"))):
         above, folder = folder, None
@@ -89,7 +92,7 @@ def _opened(name: str, folder: int | None) -> Iterator[int | None]:
 
 
 def link_or_copy(folder: int, name: str, target: Path) -> None:
-    """Makes a finished file also appear under a second path, by a link or a copy.
+    """Makes a finished file also appear under a second path, by a link or a copy, and deletes an earlier file there.
 
     Args:
         folder: Descriptor of the file's folder.
@@ -110,7 +113,9 @@ def link_or_copy(folder: int, name: str, target: Path) -> None:
 
 
 def take(folder: int, name: str, target: Path) -> bool:
-    """Moves a finished file away from programs that may still run.
+    """Moves a finished file to where programs that may still run cannot reach it.
+
+    A file that a process has open for writing, or opens during the move, stays or is moved back.
 
     Args:
         folder: Descriptor of the file's folder.

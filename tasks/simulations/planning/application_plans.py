@@ -45,7 +45,7 @@ class RosLaunch:
 def with_ros_companions(
     programs: Sequence[ProgramPlan], ros: RosLaunch | None, run_environment: RunEnvironment, *, wants_topics: bool
 ) -> list[ProgramPlan]:
-    """Adds the programs that ROS launches need beside them, such as a ROS 1 master, to a run's programs.
+    """Returns a run's programs with those added that ROS launches need beside them, such as a ROS 1 master.
 
     Args:
         programs: Applications that are programs, and tools.
@@ -66,7 +66,11 @@ def with_ros_companions(
 
 
 def _with_services(programs: list[ProgramPlan], ros: RosLaunch, run_environment: RunEnvironment) -> list[ProgramPlan]:
-    """Adds the job's ROS services, if the job's ROS can run Python nodes; all programs find the message package."""
+    """Returns the programs, with the node of the job's ROS services added and its message package on their paths.
+
+    Returns the programs as they were if the job's ROS cannot run Python nodes. Creates the folder of the services in
+    the run's root, and deletes it in that case.
+    """
     folder = run_environment.sandbox.root / FOLDER
     folder.mkdir(parents=True)
 
@@ -90,7 +94,7 @@ def _with_services(programs: list[ProgramPlan], ros: RosLaunch, run_environment:
 
 
 def _recorder_of_ros_1(ros: RosLaunch, run_environment: RunEnvironment) -> ProgramPlan | str:
-    """Returns the program that records all topics of a run's ROS 1, or why there is none."""
+    """Returns the plan of the program that records all topics of ROS 1, or the reason, as text, why there is none."""
     if ros.launch.launcher is None:
         return "no application is started by a launch file of ROS; record in the application, or in a tool of it"
     program = own_program(ros.code.folder, "rosbag") or run_environment.which("rosbag")
@@ -104,7 +108,10 @@ def _recorder_of_ros_1(ros: RosLaunch, run_environment: RunEnvironment) -> Progr
 def _companion(
     ros: RosLaunch, name: str, argv: Sequence[str], run_environment: RunEnvironment, variables: Mapping[str, str]
 ) -> ProgramPlan:
-    """Plans a helper program beside a ROS launch; its ROS logs are separate, as the application's are uploaded."""
+    """Returns the plan of a helper program beside a ROS launch, which is started again when it ends.
+
+    Its ROS logs are kept apart, as the application's are uploaded.
+    """
     logs: Path = run_environment.sandbox.place(f"{TEMPORARY}/{name}")
     return ProgramPlan(
         name=f"{ros.program.role}.{name}",  # a tool's name has a dash there
@@ -123,7 +130,7 @@ _SETTINGS = ("ROBOMAKER_", "MENAGERIE_ROOT", "MENAGERIE_CACHE_DIR")
 
 @dataclass
 class Applications:
-    """The applications of a run, resolved to factories and programs."""
+    """Plan of a run's applications: factories, programs, forwarded ports, and the ROS launch and bridge, if any."""
 
     plans: dict[ApplicationRole, ApplicationPlan] = field(default_factory=dict)
     programs: list[ProgramPlan] = field(default_factory=list)
@@ -137,7 +144,7 @@ class Applications:
 
 
 def plan_applications(request: Mapping[str, Any], run_environment: RunEnvironment) -> Applications:
-    """Downloads a job's applications, and determines how they are started.
+    """Downloads a job's applications, and returns how they are started.
 
     Args:
         request: Request of the job.
@@ -209,10 +216,11 @@ def _follow_policy(policy: str, planned: Applications) -> tuple[str, Factory]:
 
 
 def with_ros1_bridge(planned: Applications, run_environment: RunEnvironment) -> list[ProgramPlan]:
-    """Adds the bridge between the simulation and ROS 1 nodes to a run's programs.
+    """Returns a run's programs with the bridge between the simulation and ROS 1 nodes added, if it can run.
 
     A robot application may use ROS 1, or only declare it and connect to the agent socket; so a missing rospy is no
-    error.
+    error. Without the bridge, the programs are returned unchanged, and its log has the reason if there is a robot
+    application. For a launch file of ROS 1, writes another one that sets `use_sim_time`.
     """
     robot = planned.robot
     if robot is None:
@@ -263,7 +271,14 @@ def _plan(
 ) -> tuple[str, Factory | Program]:
     """Adds an application to the plan; returns its name, and the factory or program that starts it.
 
-    With `has_master` another application brings the job's ROS master.
+    Raises `LaunchError` if the application does not exist or cannot be started.
+
+    Args:
+        role: Role of the application.
+        config: Application configuration of the request.
+        run_environment: Folders and variables of the run.
+        planned: Plan to which programs, ports and the ROS bridge are added.
+        has_master: Whether another application brings the job's ROS master.
     """
     launch_config = config["launchConfig"]
     try:
@@ -347,7 +362,7 @@ def _code(role: ApplicationRole, application: Resource, run_environment: RunEnvi
 
 
 def source_for_this_machine(sources: list[StoredSource]) -> StoredSource:
-    """Returns the application's archive for 64-bit x86, or the one for any architecture."""
+    """Returns the archive of an application for 64-bit x86, or for any architecture, else the first one."""
     for source in sources:
         if (source.architecture or "X86_64") == "X86_64":
             return source
@@ -355,7 +370,7 @@ def source_for_this_machine(sources: list[StoredSource]) -> StoredSource:
 
 
 def _of_run(code: Code, run_environment: RunEnvironment) -> Code:
-    """Returns an application's code for programs: a copy of the archive's files, and the job's world."""
+    """Returns an application's code for programs: its archive's files are copied for the run, with the job's world."""
     world = run_environment.world_packages()
     if code.folder is not None:
         code = replace(code, folder=_own_copy(code.folder, run_environment.folder / f"{code.role}-application"))
@@ -365,9 +380,9 @@ def _of_run(code: Code, run_environment: RunEnvironment) -> Code:
 
 
 def _own_copy(bundle: Path, folder: Path) -> Path:
-    """Copies an unpacked archive for a run's programs to write to, since the unpacked one is shared by all jobs.
+    """Copies an unpacked archive, which all jobs share, for a run's programs to write to, and returns the copy.
 
-    The copy shares disk blocks if the file system supports it.
+    The copy shares disk blocks if the file system supports it. Raises `LaunchError` if it cannot be made.
     """
     copied = subprocess.run(["cp", "-r", "--reflink=auto", "--", str(bundle), str(folder)], capture_output=True)
     if copied.returncode:
@@ -383,7 +398,17 @@ def _programs(
     run_environment: RunEnvironment,
     usual: Mapping[str, str],
 ) -> list[ProgramPlan]:
-    """Plans the application, if it is a program, and its tools, with default variables that it may override."""
+    """Returns the plans of the application, if it is a program and no factory function, and of its tools.
+
+    Makes the application's program file executable.
+
+    Args:
+        code: The application's code.
+        launch: Factory function or program that the launch configuration starts.
+        config: Application configuration of the request.
+        run_environment: Folders and variables of the run.
+        usual: Default environment variables, which the request may override.
+    """
     variables = config["launchConfig"].get("environmentVariables") or {}
     import_path = [str(code.folder)] if code.folder else []
     if inherited := variables.get("PYTHONPATH") or run_environment.environ.get("PYTHONPATH"):

@@ -94,13 +94,13 @@ def check_environment(uri: str) -> None:
 
 
 def image_digest(uri: str) -> str | None:
-    """Returns the digest at the end of a container image's name, if any."""
+    """Returns the digest at the end of a container image's name, in small letters; `None` if it has none."""
     digest = uri.rpartition("@")[2]
     return digest.lower() if digest != uri and _DIGEST.fullmatch(digest) else None
 
 
 def with_etag(source: Mapping[str, Any], index: int, service: Service) -> dict[str, Any]:
-    """Adds the archive's current ETag to an application's source.
+    """Returns an application's source with the current ETag of its archive added.
 
     Raises:
         InvalidParameterException: The archive does not exist, or cannot be read.

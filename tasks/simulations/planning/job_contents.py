@@ -59,7 +59,7 @@ class CurrentApplications:
         self._contents: dict[tuple[str, str, str], str] = {}
 
     def find(self, reference: str, role: ApplicationRole, version: str | None) -> Resource:
-        """Finds an application by ARN or name, or one version of it.
+        """Returns an application by ARN or name, or one version of it; each is looked up once.
 
         Raises:
             ResourceNotFoundException: The catalog has no such application or version.
@@ -186,7 +186,10 @@ def changed_import(provenance: Provenance) -> str | None:
 
 
 def _content_of_application(application: Resource, service: Service) -> str:
-    """Returns the hash or ETag of an application's present content."""
+    """Returns a text that identifies an application's present content: an archive's ETag, an image's name, or a hash.
+
+    Raises `StorageError` if the archive cannot be looked at.
+    """
     document = ApplicationDocument.of(application)
     if document.sources:
         source = source_for_this_machine(document.sources)
@@ -200,7 +203,10 @@ def _content_of_application(application: Resource, service: Service) -> str:
 
 @cache
 def software_versions() -> Mapping[str, str]:
-    """Returns the versions of the packages that run simulations, and a hash of this package's code."""
+    """Returns the versions of Python and of the packages that run simulations, and a hash of this package's code.
+
+    The values are read once in a process.
+    """
     root = Path(__file__).parents[3]
     code = [digest_of_folder(root / part, ".py") for part in ("tasks/runtime", "schemas/runs")]
     return {
@@ -245,7 +251,10 @@ def _axes_in(request: Mapping[str, Any]) -> Iterator[Any]:
 
 
 def requirements_in(request: Mapping[str, Any]) -> Iterator[Any]:
-    """Yields the requirements of a request, as its member and its launch variables have them."""
+    """Yields the requirements of a request, as its member and its launch variables have them, unchecked.
+
+    A launch variable that is no JSON list is skipped.
+    """
     yield from request.get("requirements") or ()
     for _, config in application_configs(request):
         text = ((config.get("launchConfig") or {}).get("environmentVariables") or {}).get(REQUIREMENTS_VARIABLE)
@@ -266,13 +275,19 @@ def _content_of_plan(application: ApplicationPlan | None) -> str | None:
 
 
 def _content_of_policy(policy: str) -> str:
-    """Returns the hash of a policy's installed package; policy files of data sources are compared with these."""
+    """Returns the hash of a policy's installed package, "built in" for this package, empty if it is not known.
+
+    Policy files of data sources are compared with these.
+    """
     module = parse_policy(policy).module
     return _BUILT_IN if module is None else _code_of(module)
 
 
 def _installed_policy(request: Mapping[str, Any], robot: str | None) -> dict[str, str]:
-    """Returns the installed module of a policy that an application's archive does not have, by name."""
+    """Returns, by the policy's name, a hash of the installed module with a policy of a job with a robot application.
+
+    Returns an empty dict if the job has no such policy, or the module is the robot application's or the project's own.
+    """
     policy = policy_in(request)
     module = None if policy is None or not request.get("robotApplications") else parse_policy(policy).module
     if module is None or not (content := _code_of(module)) or content in (_BUILT_IN, robot):
@@ -290,7 +305,10 @@ def _package_of_policy(request: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _network_versions(request: Mapping[str, Any]) -> dict[str, str]:
-    """Returns the version of the library that evaluates a policy's network, on which rounding may depend."""
+    """Returns the version of the library that evaluates a policy's network, on which rounding may depend, by its name.
+
+    Returns an empty dict for other policies, and an empty version if the library is missing.
+    """
     policy = policy_in(request)
     if policy is None or not parse_policy(policy).is_onnx:
         return {}
@@ -301,7 +319,10 @@ def _network_versions(request: Mapping[str, Any]) -> dict[str, str]:
 
 
 def package_content(name: str) -> str:
-    """Returns a hash of an installed package's files, or "built in"; empty if it is missing."""
+    """Returns a text that identifies an installed package's files: a hash, or "built in" for a part of this package.
+
+    The text is empty if the package is missing or cannot be read.
+    """
     if f"{name}.".startswith(f"{PACKAGE}."):
         return _BUILT_IN  # its code is in the version of this package
     try:
@@ -371,7 +392,7 @@ def _unknown(*contents: str | None) -> str | None:
 
 
 def _foreign_files(request: Mapping[str, Any], robot: str | None) -> str | None:
-    """Returns the reason why the robot's files may differ in another run, as they are not compared; else `None`."""
+    """Returns the reason why another run may use other robot files unnoticed, as they are not compared; else `None`."""
     given: dict[str, str] = {}
     for _, config in application_configs(request, _ROLES):
         given |= config["launchConfig"].get("environmentVariables") or {}

@@ -46,7 +46,7 @@ class Code:
 
 @dataclass(frozen=True)
 class Factory:
-    """An application that is a factory function, called in the simulation's process."""
+    """An application that is a factory function (dotted path), called in the simulation's process."""
 
     attribute: str
     """Dotted path of the function: `my_nav.arena.make_environment`."""
@@ -114,7 +114,10 @@ def check_pair(simulation: tuple[str, Factory | Program] | None, robot: tuple[st
 
 
 def _find_program(code: Code, name: str, which: Which) -> str:
-    """Finds the program that a command begins with: in the archive, then on the path."""
+    """Returns the path of the program that a command begins with: from the bundle, else from this machine's path.
+
+    Raises `LaunchError` if neither has it, or the bundle's file cannot be executed.
+    """
     if code.folder is not None and not name.startswith("/"):
         # As setups would put it on the path: what a later overlay has comes first.
         for overlay in [*reversed(overlays(code.folder)), code.folder]:
@@ -153,7 +156,7 @@ def _ros_launch(code: Code, package: str, file: str, path: Path | None, which: W
 
 
 def with_launch_file(argv: Sequence[str], file: Path) -> tuple[str, ...]:
-    """Adds another launch file to a `roslaunch` command line.
+    """Returns a `roslaunch` command line with another launch file added.
 
     Args:
         argv: Command line, which ends with its launch file.
@@ -166,7 +169,7 @@ def with_launch_file(argv: Sequence[str], file: Path) -> tuple[str, ...]:
 
 
 def _of_this_machine(code: Code, program: Path, which: Which) -> Path:
-    """Replaces an archive's program that belongs to a ROS for another system by this machine's.
+    """Returns the path of a program of an application's archive, after checking that this machine has its interpreter.
 
     Raises:
         LaunchError: The interpreter of the program is missing on this machine.
@@ -182,7 +185,7 @@ def _of_this_machine(code: Code, program: Path, which: Which) -> Path:
 
 
 def in_ros(code: Code, launcher: Path, argv: tuple[str, ...]) -> tuple[str, ...]:
-    """Wraps a command line to run in the environment of a ROS installation and the bundle's workspace.
+    """Returns a command line that runs another in the environment of a ROS installation and the bundle's workspace.
 
     Args:
         code: Code of the application, whose archive may have a ROS workspace.
@@ -202,7 +205,7 @@ def _with_overlays(code: Code, argv: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _sourced(code: Code, setups: list[Path], argv: tuple[str, ...]) -> tuple[str, ...]:
-    """Wraps a command line so that existing setup scripts are sourced before.
+    """Returns a command line that runs another after sourcing those setup scripts that exist.
 
     The scripts put their own packages before those of the job's world, so the world's setup is sourced after them.
     """
@@ -213,7 +216,11 @@ def _sourced(code: Code, setups: list[Path], argv: tuple[str, ...]) -> tuple[str
 
 
 def _script(code: Code, package: str, file: str, path: Path | None, python: str) -> Program:
-    """Plans a Python script: run as a module if its folder is a package, else as a file."""
+    """Plans the start of a Python script: as a module if it is in a package, else as a file.
+
+    Raises `LaunchError` if the bundle does not have the script. Without a folder of the application's code, the module
+    is started without looking for a file.
+    """
     stem = file.removesuffix(".py")
     if code.folder is None:
         return Program((python, "-m", ".".join(part for part in (code.module, package, stem) if part)))
@@ -247,7 +254,10 @@ def _is_file_of(folder: Path, path: Path) -> bool:
 
 
 def _runnable(code: Code, path: Path) -> Path:
-    """Checks that a file is executable, or has a `#!` line: archives may lose executable bits."""
+    """Returns the path of a file after checking that it can be started: it is executable, or begins with `#!`.
+
+    Archives may lose executable bits. Raises `LaunchError` if the file has neither.
+    """
     if not os.access(path, os.X_OK):
         with path.open("rb") as content:
             if content.read(2) != b"#!":

@@ -72,6 +72,8 @@ def checkpoint_every_s(application: ApplicationPlan | None) -> float | None:
 def plan_to_resume(job: Resource, folder: Path) -> RunPlan | None:
     """Returns the plan of an interrupted run if it can be resumed on this machine, else logs why not.
 
+    Then it returns `None`.
+
     Args:
         job: Simulation job.
         folder: Folder of the interrupted run.
@@ -132,7 +134,7 @@ def run_plan(
     stopped: Callable[[], bool] = lambda: False,
     as_ran: Mapping[str, str] | None = None,
 ) -> RunPlan:
-    """Downloads everything a simulation run needs, and makes its plan.
+    """Downloads everything a simulation run needs, and returns the run's plan.
 
     Args:
         job: The simulation job.
@@ -216,14 +218,14 @@ def run_plan(
 
 
 def _variables(document: SimulationJobDocument, sandbox: Sandbox, service: Service, job_id: str) -> dict[str, str]:
-    """Returns the variables of all processes of the run; files that some of them name are written."""
+    """Returns the environment variables of all processes of a run, and writes the files that some of them name."""
     request, caller = document.request, f"{job_id}/{document.call_key}" if document.call_key else ""
     usual = process_variables(sandbox, service.settings, os.environ, caller)
     return access_variables(usual, request, sandbox, service, os.environ)
 
 
 def _with_begun_once(plan: RunPlan) -> RunPlan:
-    """Makes the only trial of a robot program an ordinary run with the values of its axes.
+    """Returns a plan in which the only trial of a robot program is an ordinary run with the values of its axes.
 
     The axes act in the simulation that the program drives; nothing has to be begun anew.
     """
@@ -233,7 +235,7 @@ def _with_begun_once(plan: RunPlan) -> RunPlan:
 
 
 def _check_trials(plan: RunPlan) -> None:
-    """Raises an error for trials of programs, which cannot be reset between trials."""
+    """Raises `LaunchError` for trials of programs, which cannot be reset between trials."""
     if plan.trials is not None and (plan.has_robot_program or not plan.has_episode):
         role = "robot" if plan.has_robot_program or plan.simulation_application is None else "simulation"
         raise LaunchError(
@@ -250,7 +252,10 @@ def _live_view_port(request: Mapping[str, Any]) -> int | None:
 def _world_packages(
     request: Mapping[str, Any], sandbox: Sandbox, service: Service
 ) -> Callable[[], WorldPackages | None]:
-    """Returns a function that creates the ROS packages of the job's world when first called: many jobs need none."""
+    """Returns a function that creates the ROS packages of the job's world at its first call: many jobs need none.
+
+    The function returns `None` if the job has no world, and raises `LaunchError` if the world cannot be read.
+    """
 
     @cache
     def place() -> WorldPackages | None:
@@ -260,7 +265,10 @@ def _world_packages(
 
 
 def _of_world(request: Mapping[str, Any], service: Service, get: Callable[[Resource], _Found]) -> _Found | None:
-    """Applies a function to the world that a request names; `None`: it names none."""
+    """Calls a function with the world that a request names, and returns its result; `None` if the request names none.
+
+    Raises `LaunchError` if the world does not exist or is damaged, and `StorageUnavailableError` if the store is away.
+    """
     arn = world_arn(request)
     if arn is None:
         return None
@@ -273,7 +281,10 @@ def _of_world(request: Mapping[str, Any], service: Service, get: Callable[[Resou
 
 
 def _requirements(document: SimulationJobDocument, world_dir: Path | None) -> list[JobRequirement]:
-    """Returns the job's requirements, after checking that all can be judged in the world."""
+    """Returns the job's requirements, after checking that the rooms that they name are in the world, if there is one.
+
+    Raises `LaunchError` if a room is not.
+    """
     requirements = parse_requirements(document.requirements, "requirements")
     if world_dir is not None and rooms_of(requirements):
         world = World.model_validate_json((world_dir / WORLD_FILE).read_bytes())
@@ -284,7 +295,7 @@ def _requirements(document: SimulationJobDocument, world_dir: Path | None) -> li
 
 
 def world_arn(request: Mapping[str, Any]) -> str | None:
-    """Returns the ARN of the world that a request names, if any."""
+    """Returns the ARN of the world that a request names; `None` if it names none."""
     applications = request.get("simulationApplications") or [{}]
     worlds = applications[0].get("worldConfigs") or [{}]
     return worlds[0].get("world")

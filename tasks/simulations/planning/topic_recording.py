@@ -22,7 +22,7 @@ _ROS_FOLDERS = Path("/opt/ros")
 
 
 def with_topic_recorder(plan: RunPlan, launched_by: int | None, environ: Mapping[str, str], most_bytes: int) -> RunPlan:
-    """Adds a program that records all ROS 2 topics to a run's plan, or logs why it cannot.
+    """Returns a run's plan with a program added that records all ROS 2 topics, or logs why it cannot.
 
     A run without programs has nothing to record.
 
@@ -78,7 +78,7 @@ def _recorder(plan: RunPlan, environ: Mapping[str, str], most_bytes: int) -> Pro
 
 
 def note_no_recorder(output_dir: Path, why: str) -> None:
-    """Writes the log that says why no ROS topics are recorded."""
+    """Writes the recorder's log file into the run's outputs, which says why no ROS topics are recorded."""
     log = output_dir / "logs" / f"{PROGRAM}.log"
     log.parent.mkdir(exist_ok=True)
     log.write_text(f"loggingConfig.recordAllRosTopics: no ROS topics are recorded: {why}\n")

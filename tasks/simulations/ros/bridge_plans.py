@@ -53,7 +53,10 @@ def bridge_plan(
 
 
 def _domain(variables: Mapping[str, str], domain: int) -> int:
-    """Returns the ROS 2 domain of the nodes: the job's, unless their launch configuration sets another."""
+    """Returns the ROS 2 domain number of the nodes: the job's, unless their launch configuration sets another.
+
+    Raises `LaunchError` if that is no valid number.
+    """
     text = variables.get(DOMAIN_VARIABLE)
     if text is None:
         return domain
@@ -63,7 +66,9 @@ def _domain(variables: Mapping[str, str], domain: int) -> int:
 
 
 def discovery_variables(suite: Mapping[str, Any] | None, bridge: RosPlan | None) -> dict[str, str]:
-    """Returns environment variables that keep a job's ROS nodes on this machine.
+    """Returns the environment variables that keep a job's ROS nodes on this machine.
+
+    Returns an empty dict if the bridge names peers or an interface, so that they may leave it.
 
     Args:
         suite: `robotSoftwareSuite` of the application.
@@ -77,7 +82,9 @@ def discovery_variables(suite: Mapping[str, Any] | None, bridge: RosPlan | None)
 
 
 def has_rospy(python: Sequence[str], variables: Mapping[str, str]) -> bool:
-    """Whether rospy is installed, which the bridge to ROS 1 nodes needs.
+    """Whether ROS's own Python has rospy, which the bridge to ROS 1 nodes needs; if not, that is logged.
+
+    False, too, if that Python does not start or answer.
 
     Args:
         python: Command line of ROS's own Python.

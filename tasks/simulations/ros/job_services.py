@@ -33,6 +33,8 @@ _logger = logging.getLogger(__name__)
 def make_message_package(argv: Sequence[str], variables: Mapping[str, str]) -> bool:
     """Builds the ROS message package of the job services, if necessary; returns whether it exists.
 
+    A failure is logged, and not raised.
+
     Args:
         argv: Command line of `service_node.py make` with the Python of that ROS.
         variables: Environment variables of the launch.
@@ -50,14 +52,16 @@ def make_message_package(argv: Sequence[str], variables: Mapping[str, str]) -> b
 
 
 def message_variables(folder: Path, variables: Mapping[str, str]) -> dict[str, str]:
-    """Adds the ROS message package of the job services to a program's environment variables."""
+    """Returns the variables by which a program finds the job services' ROS message package, after its own paths."""
     places = {"PYTHONPATH": folder / "python", "ROS_PACKAGE_PATH": folder / "share"}
     return {name: os.pathsep.join([*filter(None, [variables.get(name)]), str(place)]) for name, place in places.items()}
 
 
 @contextmanager
 def answering(root: Path | None, arn: str, service: Service) -> Generator[None]:
-    """Answers ROS service calls of a job's programs while it runs.
+    """Answers ROS service calls of a job's programs, in a thread, inside the `with` block.
+
+    Does nothing if the run has no folder of ROS services; replaces the socket that a dead job worker has left there.
 
     Args:
         root: Root folder of the run.
@@ -87,7 +91,7 @@ def answering(root: Path | None, arn: str, service: Service) -> Generator[None]:
 
 
 def answer(question: object, arn: str, service: Service) -> dict[str, Any]:
-    """Handles a job's ROS service call: cancel the job, or read and change its tags.
+    """Carries out a job's ROS service call (cancel the job, read or change its tags), and returns the answer.
 
     Args:
         question: Object with the member `operation`, which is `cancel`, `add_tags` with `tags`, `remove_tags` with

@@ -16,10 +16,11 @@ DOMAINS = range(1, 102)
 
 @contextmanager
 def own_domain(job: str, holders: str = "robomaker-ros-domain") -> Iterator[int]:
-    """Reserves a ROS 2 domain id that no other running job of this machine has; yields it.
+    """Reserves, inside the `with` block, a ROS 2 domain id that no other running job of this machine has; yields it.
 
     The name of an abstract socket holds it. Such names belong to the machine, whichever user runs jobs, or to the
-    container in which they run, as the ports of a domain do; and they are free again when the process dies.
+    container in which they run, as the ports of a domain do; and they are free again when the process dies. If none is
+    free, one that another job has is yielded, and a warning is logged.
 
     Args:
         job: ARN of the job. The same job gets the same domain again if possible; jobs on two machines of a network,

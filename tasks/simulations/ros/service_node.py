@@ -46,7 +46,10 @@ SERVICES: dict[str, tuple[str, Callable[[Any], dict[str, Any]]]] = {
 
 
 def make(folder: str) -> int:
-    """Writes the definitions and Python modules of the job services' ROS message package."""
+    """Writes the ROS message package of the job's services (definitions and Python modules) into a folder.
+
+    Returns 0, or another number if a message could not be generated. Raises `ImportError` if ROS has no `rospy`.
+    """
     import_module("rospy")  # the node needs it; where it is missing, the package is of no use
     generator, inits = import_module("genpy.generator"), import_module("genpy.generate_initpy")
     share, modules = (Path(folder, part, PACKAGE) for part in ("share", "python"))
@@ -64,14 +67,14 @@ def make(folder: str) -> int:
 
 
 def find(_folder: str) -> int:
-    """Checks that the ROS 2 message package of the job services has been built."""
+    """Returns 0 if the ROS 2 message package of the job services has been built; else raises `ImportError`."""
     import_module("rclpy")
     import_module(f"{PACKAGE}.srv")
     return 0
 
 
 def serve(folder: str) -> None:
-    """Runs the ROS 1 node that offers the job services."""
+    """Runs the ROS 1 node that offers the job's services (cancelling and tags) until ROS ends it."""
     rospy, srv = import_module("rospy"), import_module(f"{PACKAGE}.srv")
 
     def answering(operation: str, service: Any) -> Callable[[Any], Any]:
@@ -85,7 +88,7 @@ def serve(folder: str) -> None:
 
 
 def serve_2(folder: str) -> None:
-    """Runs the ROS 2 node that offers the job services."""
+    """Runs the ROS 2 node that offers the job's services (cancelling and tags) until ROS ends it."""
     rclpy, srv = import_module("rclpy"), import_module(f"{PACKAGE}.srv")
     rclpy.init()
     node = rclpy.create_node(NAME)
@@ -95,7 +98,7 @@ def serve_2(folder: str) -> None:
 
 
 def answered(folder: str, operation: str, request: Any, response: Any) -> Any:
-    """Makes the ROS service response from the job worker's answer."""
+    """Passes a ROS service request on to the job worker, and returns the response, filled with the worker's answer."""
     told = ask(folder, {**SERVICES[operation][1](request), "operation": operation})
     response.success, response.message = told["success"], told["message"]
     if operation == "list_tags":
@@ -105,7 +108,10 @@ def answered(folder: str, operation: str, request: Any, response: Any) -> Any:
 
 
 def ask(folder: str, question: dict[str, Any]) -> dict[str, Any]:
-    """Sends a request to the job worker, and returns its answer or an error."""
+    """Sends a request to the job worker's socket in a folder, and returns the worker's answer, waiting up to 30 s.
+
+    If the worker does not answer, the answer says so, with `success` false; no error is raised.
+    """
     place = os.open(folder, os.O_PATH)
     try:
         with socket.socket(socket.AF_UNIX) as worker:

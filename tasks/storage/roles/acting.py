@@ -35,24 +35,30 @@ class ConfinedStore(StoreOver):
     def do(
         self, access: Literal["read", "write"], bucket: str, keys: Iterable[str], call: Callable[[], Result]
     ) -> Result:
-        """Calls the wrapped store if the role allows the access."""
+        """Calls the wrapped store and returns the result, if the role allows the access to all keys.
+
+        Raises `StorageAccessDeniedError` if it does not.
+        """
         for key in keys:
             if not is_within(self._places[access], bucket, key):
                 raise self._denied(f"{access} {bucket}/{key}", access)
         return call()
 
     def list(self, bucket: str, prefix: str = "") -> Iterator[ObjectInfo]:
-        """See `ObjectStore`; read as it is asked for."""
+        """Lists the wrapped store's objects with a prefix that the role may read, one by one; see `ObjectStore`."""
         return self.do("read", bucket, [prefix], lambda: self.behind.list(bucket, prefix))
 
     def ensure_bucket(self, bucket: str) -> None:
-        """See `ObjectStore`; some of the bucket has to be the role's to write to."""
+        """Creates a bucket unless it exists, if the role may write to some of it; see `ObjectStore`.
+
+        Raises `StorageAccessDeniedError` if it may not.
+        """
         if not any(place.startswith(f"{bucket}/") for place in self._places["write"]):
             raise self._denied(f"make the bucket {bucket}", "write")
         self.behind.ensure_bucket(bucket)
 
     def local_path(self, bucket: str, key: str) -> Path | None:
-        """See `ObjectStore`; `None` for objects that the role may not read."""
+        """Returns the local file of an object, `None` if the role may not read it or it has none; see `ObjectStore`."""
         return self.behind.local_path(bucket, key) if is_within(self._places["read"], bucket, key) else None
 
     def _denied(self, what: str, member: str) -> StorageAccessDeniedError:
@@ -62,13 +68,13 @@ class ConfinedStore(StoreOver):
 
 
 def _no_blocks(slug: str, name: str) -> None:
-    """Raises an error for credentials in a Prefect block, if no function to read blocks was given."""
+    """Raises `CredentialsRefusedError` for credentials in a Prefect block, as no function to read blocks was given."""
     raise CredentialsRefusedError(f"the block {slug}/{name} cannot be read here: this process does not use Prefect")
 
 
 @dataclass
 class _Opened:
-    """Stores and sessions opened for roles, by ARN; shared by all threads of a process."""
+    """Cache of the stores and sessions that were opened for roles, by ARN; shared by all threads of a process."""
 
     lock: threading.Lock = field(default_factory=threading.Lock)
     stores: dict[str, ObjectStore] = field(default_factory=dict[str, ObjectStore])
@@ -94,11 +100,11 @@ class Roles:
     opened: _Opened = field(default_factory=_Opened)
 
     def with_blocks(self, read_block: ReadBlock) -> "Roles":
-        """Returns the same roles, with access to credentials in Prefect blocks."""
+        """Returns a copy of the roles that reads credentials in Prefect blocks with the given function."""
         return replace(self, read_block=read_block)
 
     def store_of(self, arn: str) -> ObjectStore:
-        """Returns the object store with a role's access.
+        """Returns the object store as a role may access it.
 
         Args:
             arn: The role, as the request names it.
@@ -116,7 +122,8 @@ class Roles:
         """Returns a role's current credentials; `None` if objects are local files.
 
         Raises:
-            StorageError: See `store_of`; or the credentials cannot be renewed.
+            StorageError: The role does not exist, its credentials are refused or cannot be renewed, or the server does
+                not answer.
         """
         self.store_of(arn)
         session = self.opened.sessions.get(arn)

@@ -62,12 +62,12 @@ class MinioUsers:
         return self._ask("look for a user", lambda: self._admin.user_info(name), missing="404") is not None
 
     def ensure(self, name: str, policy: str) -> None:
-        """Creates or changes a user's policy; `new_key` creates the user."""
+        """Creates or changes the policy of a user of the MinIO server; `new_key` creates the user itself."""
         admin: Any = self._admin  # its own types of policies are not complete
         self._ask("make a policy", lambda: admin.policy_add(name, policy=json.loads(policy)))
 
     def new_key(self, name: str) -> tuple[str, str]:
-        """Creates a user with its policy, or gives it a new key; returns key id and secret."""
+        """Creates a user of the MinIO server with its policy, or gives it a new key; returns key id and secret."""
         key = token_urlsafe(_KEY_BYTES)
         self._ask("make a user", lambda: self._admin.user_add(name, key))
         self._ask("set the policy of a user", lambda: self._admin.policy_set(name, user=name))
@@ -205,7 +205,7 @@ def _users_of(endpoint: str, region: str, environ: Mapping[str, str]) -> _Users:
 
     Raises:
         StorageError: The server does not answer.
-        ConfigurationError: See `MinioUsers`.
+        ConfigurationError: It is a MinIO server, and the package `minio` or the credentials for it are missing.
     """
     if not _server_name(endpoint, region, environ).startswith(SERVER):
         return IamUsers(endpoint, region, environ)
@@ -213,7 +213,10 @@ def _users_of(endpoint: str, region: str, environ: Mapping[str, str]) -> _Users:
 
 
 def _server_name(endpoint: str, region: str, environ: Mapping[str, str]) -> str:
-    """Returns the server's name in the header `Server`, also if it refuses the request."""
+    """Returns the name that an S3 server gives itself in the header `Server`, also if it refuses the request.
+
+    The name is empty if the answer has no such header. Raises `StorageError` if the server does not answer.
+    """
     from botocore.exceptions import BotoCoreError, ClientError
 
     from ..s3.failures import from_client_error
@@ -252,7 +255,7 @@ class IamUsers:
         return made["AccessKeyId"], made["SecretAccessKey"]
 
     def ask(self, doing: str, call: Any, expected: str = "") -> Any:
-        """Calls the server.
+        """Calls the IAM interface of the S3 server, and returns its answer.
 
         Args:
             doing: Description of the action, for errors.

@@ -39,7 +39,7 @@ def read_roles_file(path: Path) -> tuple[Role, ...]:
 
 
 def parse_roles(text: str, where: str) -> tuple[Role, ...]:
-    """Parses the text of a roles file (TOML).
+    """Parses the text of a roles file (TOML), and returns its roles.
 
     Args:
         text: TOML.
@@ -92,7 +92,7 @@ _ARN = "arn:aws:s3:::"
 
 
 def policy_of(role: Role) -> str:
-    """Returns the IAM policy (JSON) that allows what a role may read and write."""
+    """Returns the IAM policy (JSON text) that allows a role to read, write and list its own places, nothing else."""
     statements: list[dict[str, Any]] = []
     for places, actions in ((role.read, _READ), (role.write, _WRITE)):
         if places:

@@ -76,7 +76,10 @@ class SessionSource:
         return _session_with(credentials)
 
     def _source(self, role: Role, arn: str) -> Session:
-        """Opens a session with the credentials that a role names, or with those that can assume the role."""
+        """Opens a session with the credentials that a role names, or with those that can assume the role.
+
+        Raises `CredentialsRefusedError` if the role names no credentials, or its profile is unknown or has none.
+        """
         if role.access_key_id:
             return new_session(role.access_key_id, role.secret_access_key, role.session_token)
         try:
@@ -109,7 +112,10 @@ class SessionSource:
         raise CredentialsRefusedError(f"role {arn}: block {block} has neither {key} and {secret} nor profile_name")
 
     def _assumed(self, sts: _Sts, role: Role, arn: str) -> dict[str, Any]:
-        """Requests temporary credentials from STS; a policy restricts them to the keys that the role may access."""
+        """Requests temporary credentials from STS, restricted by a policy to the keys that the role may access.
+
+        Raises `StorageUnavailableError` if STS does not answer, and `CredentialsRefusedError` if it refuses.
+        """
         wanted = arn if role.assume_role == ITSELF else role.assume_role
         request: dict[str, Any] = {
             "RoleArn": wanted,

@@ -97,7 +97,7 @@ _NOT_TRUSTED = (SSLError, ProxyConnectionError)
 
 @contextmanager
 def s3_failures(doing: str, endpoint: str) -> Generator[None]:
-    """Converts exceptions of boto3 inside the `with` block to the matching `StorageError`.
+    """Converts exceptions of boto3 inside the `with` block to the matching `StorageError`, which is raised.
 
     Args:
         doing: Description of the action, in words that follow "cannot".
@@ -112,7 +112,12 @@ def s3_failures(doing: str, endpoint: str) -> Generator[None]:
 
 
 def from_client_error(error: Exception, beginning: str) -> StorageError:
-    """Makes the `StorageError` for an error of boto3."""
+    """Returns, without raising it, the `StorageError` of the right subclass for an error of boto3.
+
+    Args:
+        error: Error that boto3 raised.
+        beginning: Beginning of the message, such as `cannot read a/b`.
+    """
     if isinstance(error, ClientError):
         return _from_answer(error, beginning)
     if isinstance(error, RetriesExceededError):

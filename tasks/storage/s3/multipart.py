@@ -41,7 +41,7 @@ class _Upload:
 
 
 class _Sent(NamedTuple):
-    """Part of a multipart upload that the server has stored."""
+    """Part of a multipart upload that the server has stored, with its CRC32 and size in bytes."""
 
     part: "CompletedPartTypeDef"
     """Entry of a stored part in the request that completes a multipart upload."""

@@ -142,7 +142,7 @@ class S3Store:
         self._downloads = create_transfer_manager(self._client, downloads)
 
     def ensure_bucket(self, bucket: str) -> None:
-        """Creates the bucket unless it exists.
+        """Creates a bucket on the S3 server unless it exists.
 
         Raises:
             StorageAccessDeniedError: The credentials may not even ask; the bucket may exist all the same.
@@ -190,7 +190,7 @@ class S3Store:
             self._client.abort_multipart_upload(Bucket=bucket, Key=key, UploadId=upload)
 
     def put_file(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo:
-        """Uploads a file.
+        """Uploads a file as an object, and returns the object's metadata; checksums are verified.
 
         Raises:
             TransferStoppedError: `stopped` said so, and the object is as it was before.
@@ -206,7 +206,10 @@ class S3Store:
                 return self._put_large(bucket, key, path, stopped)
 
     def probe(self, bucket: str) -> None:
-        """Checks quickly, with one request, whether the S3 server answers at all."""
+        """Checks quickly, with one request, whether the S3 server answers at all; any answer counts.
+
+        Raises `StorageUnavailableError` if it does not answer; a missing bucket or a refusal is no error.
+        """
         check_bucket(bucket)
         try:
             with self._failures(f"look for the bucket {bucket}"):
@@ -217,7 +220,10 @@ class S3Store:
             return  # that was an answer
 
     def find_same(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo | None:
-        """Returns the stored object if it has the same content as a file already (by checksum), else `None`."""
+        """Returns the stored object if it already has the same content as a local file, by checksum.
+
+        Returns `None` if the object differs, does not exist, or may not be looked at.
+        """
         _check(bucket, key)
         refuse_stopped(stopped, bucket, key)
         with self._failures(f"compare {path} with {bucket}/{key}"):
@@ -234,11 +240,14 @@ class S3Store:
     def put_files(
         self, bucket: str, files: dict[str, Path], *, stopped: Stopped = never, tell: Tell = tell_none
     ) -> list[ObjectInfo]:
-        """Uploads many files concurrently; raises the first error after all have ended."""
+        """Uploads many files concurrently, and returns the stored objects in the order of the files.
+
+        Raises the first error once running uploads have ended; further ones are not begun.
+        """
         return put_each(self, bucket, files, stopped, tell, WORKERS_FOR_SMALL)
 
     def put_bytes(self, bucket: str, key: str, data: bytes, *, create_only: bool = False) -> ObjectInfo:
-        """Writes bytes as an object.
+        """Writes bytes as an object, and returns its metadata; an existing one is replaced unless `create_only` is set.
 
         Raises:
             ObjectExistsError: `create_only` and something is there; after a broken connection it can
@@ -249,7 +258,11 @@ class S3Store:
             return self._put(bucket, key, data, create_only=create_only)
 
     def get_file(self, bucket: str, key: str, path: Path) -> ObjectInfo:
-        """Downloads an object to a file, which appears only when complete and its checksum is right."""
+        """Downloads an object to a file, which appears only when complete and its checksum is right; returns its facts.
+
+        Raises `ObjectNotFoundError` if there is no such object, `ChecksumMismatchError` if the content is damaged, and
+        `StorageError` otherwise; no part of the file is then left.
+        """
         temporary = path.with_name(f".{uuid4().hex}.part")
         _check(bucket, key)
         with self._failures(f"fetch {bucket}/{key} into {path}"):
@@ -262,7 +275,7 @@ class S3Store:
         return info
 
     def get_bytes(self, bucket: str, key: str) -> bytes:
-        """Returns the content of an object on the S3 server."""
+        """Returns the content of an object on the S3 server; raises `ObjectNotFoundError` if there is none."""
         _check(bucket, key)
         buffer = BytesIO()
         with self._failures(f"fetch {bucket}/{key}"):
@@ -270,7 +283,7 @@ class S3Store:
         return buffer.getvalue()
 
     def head(self, bucket: str, key: str) -> ObjectInfo:
-        """Returns the metadata of an object on the S3 server."""
+        """Returns the metadata of an object on the S3 server; raises `ObjectNotFoundError` if there is none."""
         _check(bucket, key)
         with self._failures(f"read {bucket}/{key}"):
             return _info(bucket, key, self._head(bucket, key))
@@ -294,13 +307,13 @@ class S3Store:
         yield from sorted(found, key=lambda info: info.key.encode())
 
     def delete(self, bucket: str, key: str) -> None:
-        """Deletes an object; succeeds if there is none."""
+        """Deletes an object from the S3 server; succeeds if there is none."""
         _check(bucket, key)
         with self._failures(f"delete {bucket}/{key}"):
             self._client.delete_object(Bucket=bucket, Key=key)
 
     def unfinished_uploads(self, bucket: str, before: datetime) -> Sequence[UnfinishedUpload]:
-        """Lists multipart uploads that began before a time and have not ended."""
+        """Lists the multipart uploads to a bucket that began before a time and have not ended."""
         check_bucket(bucket)
         with self._failures(f"list unfinished uploads to {bucket}"):
             pages = self._client.get_paginator("list_multipart_uploads").paginate(Bucket=bucket)
@@ -325,11 +338,11 @@ class S3Store:
         return f"s3://{bucket}/{key}"
 
     def local_path(self, bucket: str, key: str) -> Path | None:  # noqa: ARG002 - the protocol's signature
-        """Returns `None`: the objects are not local files."""
+        """Returns `None` for every object, as objects on an S3 server are no local files."""
         return None
 
     def _prober(self) -> "S3Client":
-        """Returns a client with short time limits, made on first use; boto3 can make only one at a time."""
+        """Returns a client with short time limits for probes, which is made on first use and then kept."""
         with self._lock:
             if self._probing is None:
                 self._probing = self._connect_prober()
@@ -383,7 +396,11 @@ class S3Store:
             raise ObjectNotFoundError(f"there is no object {key!r} in bucket {bucket!r} at {self._endpoint}") from error
 
     def _fetch(self, bucket: str, key: str, target: BinaryIO) -> ObjectInfo:
-        """Downloads one version of an object; starts again if it is replaced or the connection breaks meanwhile."""
+        """Downloads one version of an object into an open file, and returns what is known of that version.
+
+        Starts again, from an empty file, if the object is replaced or the connection breaks meanwhile; raises the error
+        of the last attempt.
+        """
         for last in [False] * _RESTARTS + [True]:
             target.seek(0)
             target.truncate()
@@ -398,7 +415,11 @@ class S3Store:
         raise AssertionError("the last attempt returns or raises")
 
     def _receive(self, bucket: str, key: str, answer: "GetObjectOutputTypeDef", target: BinaryIO) -> None:
-        """Receives the object version of an answer: small ones at once, parts of large ones concurrently."""
+        """Writes the content of the object version that an answer describes to an open file, and checks its checksum.
+
+        Small objects are read from the answer itself; large ones are fetched as parts, concurrently. Raises
+        `ChecksumMismatchError` if the content is damaged.
+        """
         # Not `with answer["Body"]`: that gives the raw stream, which compares and translates nothing.
         with closing(answer["Body"]) as body:
             if answer["ContentLength"] < _LARGE_BYTES:

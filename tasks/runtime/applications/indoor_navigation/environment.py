@@ -78,7 +78,7 @@ class IndoorNavigation(ResumableEnvironment):
         return frames_of_bodies(self.robot, self.physics.model.ptr, self._navigation.frames)
 
     def renew(self, context: SimulationContext) -> None:
-        """Prepares the environment for the next trial, which begins with `reset`."""
+        """Gives the environment the random generator of the next trial, which begins with `reset`."""
         self._navigation.renew(context.rng)
 
     def run_result(self) -> EnvironmentReport:
@@ -95,10 +95,10 @@ class IndoorNavigation(ResumableEnvironment):
 def make_environment(context: SimulationContext) -> IndoorNavigation:
     """Makes the indoor navigation environment of one run.
 
-    The robot is the one that the robot application names (`robots/lookup.py`). Actions and observations are described
-    by the environment's specs. A run ends when the robot has been in every room and is commanded to stand still, when
-    it is commanded to stand still for 10 s, when it tips over, or at the limit of simulated time: the environment
-    variable `ROBOMAKER_SIM_TIME_LIMIT_S` in seconds, else a limit that fits the size of the world.
+    The robot is the one that the robot application names (`robots/robot_lookup.py`). Actions and observations are
+    described by the environment's specs. A run ends when the robot has been in every room and is commanded to stand
+    still, when it is commanded to stand still for 10 s, when it tips over, or at the limit of simulated time: the
+    environment variable `ROBOMAKER_SIM_TIME_LIMIT_S` in seconds, else a limit that fits the size of the world.
 
     Args:
         context: Context of the run, which has to have a world.
@@ -126,7 +126,7 @@ def make_environment(context: SimulationContext) -> IndoorNavigation:
 
 
 def _known_map(world_dir: Path) -> OccupancyMap | None:
-    """Reads the world's occupancy map; `None` if there is none, or it cannot be read."""
+    """Reads the world's occupancy map; `None` if there is none, or it cannot be read, which is logged."""
     try:
         return read_world_map(world_dir) if (world_dir / "map.yaml").is_file() else None
     except (OSError, ValueError) as cause:
@@ -135,7 +135,11 @@ def _known_map(world_dir: Path) -> OccupancyMap | None:
 
 
 def _time_limit_s(text: str | None, world: World, robot: Robot) -> float:
-    """Returns the requested time limit, else about three times what the robot Scout needs, more for slower robots."""
+    """Returns the requested time limit in simulated seconds, or a default that grows with the world's rooms.
+
+    The default is about three times what the robot Scout needs, more for slower robots. Raises `LaunchError` if the
+    text is no number above 0.
+    """
     if text is None:
         rooms = world.floorplan.rooms
         slowness = max(1.0, SCOUT.limits.linear_mps / robot.limits.linear_mps)

@@ -28,7 +28,7 @@ class Fan:
     """Evenly spaced lidar rays over 360 degrees, in a horizontal plane."""
 
     def __init__(self, count: int, first_rad: float) -> None:
-        """Computes the ray directions.
+        """Computes the directions of evenly spaced lidar rays.
 
         Args:
             count: Number of rays over 360 degrees.
@@ -115,7 +115,7 @@ class Fan:
         return self._parts(middle + min(sides) - _ROUNDING, middle + max(sides) + _ROUNDING, least_m, distances)
 
     def _parts(self, begin: float, end: float, least_m: float, distances: Floats) -> Iterator[slice]:
-        """Yields one or two slices of the rays between two ray numbers, without rays that end before `least_m`."""
+        """Yields one or two slices of the rays between two ray numbers, unless all of them end before `least_m`."""
         first = math.ceil(begin) % self.count
         stop = min(first + math.floor(end) - math.ceil(begin) + 1, first + self.count)
         for part in (slice(first, min(stop, self.count)), slice(0, max(stop - self.count, 0))):
@@ -124,7 +124,7 @@ class Fan:
 
 
 class Frame:
-    """A robot's position and axes, projected to the floor plan."""
+    """A robot's position and axes, projected to the floor plan, which convert positions in the world to its own."""
 
     def __init__(self, origin: complex, x_axis: complex, y_axis: complex) -> None:
         """Stores the robot's position and axes, for the conversion of positions.
@@ -140,7 +140,7 @@ class Frame:
         self._mirror = -(x_axis + 1j * y_axis) / doubled
 
     def enter(self, away: AnyPlace) -> AnyPlace:
-        """Converts positions from the world's axes to the robot's axes.
+        """Converts positions relative to the robot, along the world's axes (x + iy), to the robot's axes; in metres.
 
         Args:
             away: Positions relative to the robot, along the world's axes.
@@ -149,10 +149,10 @@ class Frame:
 
 
 class Faces:
-    """Vertical sides of box-shaped obstacles, for ray casting."""
+    """Vertical sides of box-shaped obstacles, of which the distances along a lidar's rays are computed."""
 
     def __init__(self, boxes: Places, range_max_m: float) -> None:
-        """Selects the sides that a ray can hit.
+        """Selects the sides of box-shaped obstacles that a lidar's ray can hit.
 
         Args:
             boxes: Corners of the boxes from above, shape (n, 4), clockwise.
@@ -169,7 +169,17 @@ class Faces:
         self._reaches = lengths[seen] / 2 + range_max_m
 
     def nearness(self, frame: Frame, fan: Fan) -> tuple[NDArray[np.intp], Floats]:
-        """Computes which rays hit the sides, and the inverse of their lengths in 1/m."""
+        """Computes which of a lidar's rays hit the sides of the outlines, and the inverse of their lengths in 1/m.
+
+        A ray that hits several sides occurs several times.
+
+        Args:
+            frame: Position and heading of the lidar.
+            fan: Its rays.
+
+        Returns:
+            Numbers of the rays, and as many inverse lengths.
+        """
         x, y = frame.origin.real, frame.origin.imag
         in_front = self._normals @ (x, y) > self._offsets
         in_range = np.abs(self._middles - frame.origin) < self._reaches
@@ -185,10 +195,10 @@ class Faces:
 
 
 class Columns:
-    """Vertical cylinders as obstacles, for ray casting."""
+    """Vertical cylinders as obstacles, by which a lidar's rays are shortened."""
 
     def __init__(self, centers: Places, radii_m: Floats, range_max_m: float) -> None:
-        """Stores the cylinders.
+        """Stores the vertical cylinders that a lidar's rays may hit.
 
         Args:
             centers: Centres of the circles from above.
@@ -199,7 +209,13 @@ class Columns:
         self._circles = [(center.real, center.imag, radius_m, radius_m + range_max_m) for center, radius_m in rows]
 
     def shorten(self, distances: Floats, frame: Frame, fan: Fan) -> None:
-        """Shortens the rays of a lidar that hit the cylinders."""
+        """Shortens the rays of a lidar that hit the cylinders, in place.
+
+        Args:
+            distances: Lengths of the rays in metres, shape (rays,).
+            frame: Position and heading of the lidar.
+            fan: Its rays.
+        """
         x, y = frame.origin.real, frame.origin.imag
         for center_x, center_y, radius_m, reach_m in self._circles:
             if math.hypot(center_x - x, center_y - y) < reach_m:
@@ -317,7 +333,10 @@ class LevelScan:
         self._ask_about(np.flatnonzero(others))
 
     def measure(self) -> Floats | None:
-        """Measures distances in metres, one for each ray, infinite without a hit; `None` if the robot is tilted."""
+        """Measures the lidar's distances in metres, one for each ray, infinite without a hit within the range.
+
+        Returns `None` if the robot is tilted or lifted, as then only MuJoCo's ray casting is right.
+        """
         (xx, yx, zx), (xy, yy, zy), (xz, yz, zz) = self._rotation.tolist()
         x, y, z = self._position.tolist()
         h = self._height_m
@@ -332,7 +351,10 @@ class LevelScan:
         return distances
 
     def _ask_about(self, geoms: NDArray[np.intp]) -> None:
-        """Stores bounding spheres of the geoms that are left to MuJoCo's ray casting: fixed geoms, moving bodies."""
+        """Stores bounding spheres of the geoms that are left to MuJoCo's ray casting: fixed geoms, moving bodies.
+
+        Raises `ValueError` if one of them has no end, such as a plane.
+        """
         model = self._model
         if (model.geom_rbound[geoms] <= 0).any():
             raise ValueError("there are geoms without an end")
@@ -359,7 +381,13 @@ class LevelScan:
         self._model.geom_group[geoms[self._groups[model.geom_group[geoms]] > 0]] = _SEEN
 
     def _add_others(self, distances: Floats, frame: Frame, height_m: float) -> None:
-        """Shortens the rays that hit geoms outside the floor plan, with MuJoCo's ray casting."""
+        """Shortens the rays that hit geoms outside the floor plan, in place, with MuJoCo's ray casting.
+
+        Args:
+            distances: Lengths of the rays in metres, shape (rays,).
+            frame: Position and heading of the lidar.
+            height_m: Height of the lidar above the floor, in metres.
+        """
         x, y = frame.origin.real, frame.origin.imag
         middles = self._data.geom_xpos.take(self._middles, axis=0).tolist()
         parts: list[slice] = []
@@ -396,7 +424,7 @@ class LevelScan:
 
 
 def _vertical_extents(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Floats, Floats]:
-    """Returns the lowest and highest z of each geom now; equal for horizontal planes."""
+    """Returns the lowest and highest z of each geom now, in metres; equal for horizontal planes."""
     vertical = data.geom_xmat[:, 6:9]
     plane = model.geom_type == _PLANE
     level = np.abs(vertical[:, 2]) > _EXACT
@@ -422,7 +450,7 @@ def _are_upright(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.bool_
 
 
 def _corners(model: mujoco.MjModel, data: mujoco.MjData, boxes: NDArray[np.intp]) -> NDArray[np.complex128]:
-    """Returns the corners of upright boxes from above, clockwise, shape (n, 4)."""
+    """Returns the corners of upright boxes as seen from above, in metres (x + iy), clockwise, shape (n, 4)."""
     corners = np.zeros((len(boxes), 4), np.complex128)
     for row, (geom, middle) in enumerate(zip(boxes.tolist(), _places(data, boxes).tolist(), strict=True)):
         axes = data.geom_xmat[geom].reshape(3, 3)

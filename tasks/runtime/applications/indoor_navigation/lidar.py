@@ -33,7 +33,7 @@ class RangeFinder:
         range_max_m: float,
         hidden_group: int | None = None,
     ) -> None:
-        """Prepares the buffers.
+        """Prepares a simulated lidar, with memory for its measurements.
 
         Args:
             model: The compiled world with the robot.
@@ -63,7 +63,10 @@ class RangeFinder:
         return self.cast() if distances is None else distances
 
     def cast(self) -> NDArray[np.float64]:
-        """Measures with MuJoCo's ray casting, which handles every shape and tilt but is slower."""
+        """Measures the distances of all rays in metres with MuJoCo's ray casting, infinite without a hit in range.
+
+        It handles every shape and tilt, but is slower than the scan for level robots.
+        """
         origin = self._position + self._rotation @ self._offset
         rays = self._directions @ self._rotation.T
         mujoco.mj_multiRay(
@@ -74,7 +77,10 @@ class RangeFinder:
         return np.where(seen, self._distances, np.inf)
 
     def _level_scan(self, height_m: float, angles_rad: NDArray[np.float64]) -> LevelScan | None:
-        """Returns the faster lidar for level robots; `None` if these rays or this world do not allow it."""
+        """Returns the faster lidar for level robots, or `None` if these rays or this world do not allow it.
+
+        The rays have to be evenly spaced all around, and no geom may be endless.
+        """
         fan = Fan(len(angles_rad), float(angles_rad[0]))
         around = np.abs(fan.directions - np.exp(1j * angles_rad)).max() < 1e-9
         if not around:

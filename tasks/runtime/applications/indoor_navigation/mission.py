@@ -30,7 +30,7 @@ _NO_HARD_COLLISION = "no_hard_collision"
 
 
 class Mission(KeepsAttributes):
-    """Progress of a robot that has to visit every room."""
+    """Progress of a robot that has to visit every room within a time limit, and the verdict on it; has checkpoints."""
 
     KEPT = ("_unvisited", "first_visit_s", "tipped_over", "_distance_m", "_path", "_last")
 
@@ -175,7 +175,7 @@ MAX_REPORTED = 200
 
 @dataclass
 class _Touch:
-    """A collision of the robot that may still continue."""
+    """A collision of the robot that may still go on: its first and last time (s), place (m) and largest force (N)."""
 
     first_s: float
     last_s: float
@@ -201,7 +201,7 @@ class CollisionMonitor(KeepsAttributes):
         furniture_ids: Sequence[str] = (),
         on_touch: Callable[[], None] | None = None,
     ) -> None:
-        """Looks up the bodies and geoms.
+        """Looks up the robot's bodies and geoms, whose collisions are detected from now on.
 
         Args:
             model: The compiled world with the robot.
@@ -225,7 +225,7 @@ class CollisionMonitor(KeepsAttributes):
         self.max_force_N = 0.0
 
     def sample(self) -> None:
-        """Records the robot's current contacts: begins, extends and ends collisions."""
+        """Records the robot's current contacts: begins and extends collisions, and ends those separated for long."""
         if forces := self._contacts.read():
             self._note(forces)
             if self._on_touch is not None:

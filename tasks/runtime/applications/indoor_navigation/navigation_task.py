@@ -97,7 +97,7 @@ class NavigationTask(Task):
     # -- Called by dm_control ------------------------------------------------
 
     def initialize_episode(self, physics: ScenePhysics) -> None:
-        """Places the robot at the origin with a random heading, and resets the score."""
+        """Places the robot at the origin with a random heading, and resets its controller, sensors and score."""
         self._bind(physics)
         heading = self._rng.uniform(-math.pi, math.pi)
         self._base.place(heading)
@@ -153,7 +153,7 @@ class NavigationTask(Task):
         return float(self._newly_visited)
 
     def get_observation(self, physics: ScenePhysics) -> dict[str, NDArray[Any]]:
-        """Returns the robot's observation; see `observation_spec`."""
+        """Returns the robot's observation of the current step, an array for each name; see `observation_spec`."""
         del physics
         state = self._state
         observation = {
@@ -176,7 +176,11 @@ class NavigationTask(Task):
         return observation
 
     def get_termination(self, physics: ScenePhysics) -> float | None:
-        """Returns the discount 0 when the run is over, else `None`."""
+        """Returns the discount 0 when the run is over, else `None`.
+
+        It is over when the robot stands with all rooms visited, stands long after it has moved, has tipped over, or the
+        time limit is reached.
+        """
         del physics
         over = (
             (self.mission.all_visited and self._still_s >= _SETTLED_S)
@@ -191,7 +195,7 @@ class NavigationTask(Task):
         return self._robot.drive.action_spec(physics.model.ptr, self._robot.prefix)
 
     def observation_spec(self, physics: ScenePhysics) -> dict[str, specs.Array]:
-        """Returns names, shapes and units of the robot's observations."""
+        """Returns the shape, type and unit of each array in the robot's observation, by name."""
         rooms, joints = len(self._goals), len(self._robot.joints)
         observed = {
             "time": specs.Array((), np.float64, name="time: s"),
@@ -219,7 +223,7 @@ class NavigationTask(Task):
         return self._recorder.frames
 
     def renew(self, rng: np.random.Generator) -> None:
-        """Prepares the task for another episode, with another random generator."""
+        """Gives the task another random generator, for the episode that begins next."""
         self._rng = rng
 
     def state(self) -> dict[str, Any]:
@@ -235,7 +239,11 @@ class NavigationTask(Task):
         }
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Restores the task's state from a checkpoint."""
+        """Restores the task's state from a checkpoint, once the physics have been restored.
+
+        Args:
+            state: Result of `state`, perhaps of an earlier release.
+        """
         for name, value in state["own"].items():
             setattr(self, name, value)
         self.mission.restore(state["mission"])
@@ -250,7 +258,7 @@ class NavigationTask(Task):
         self._pose = self._drift.told(self._state.x, self._state.y, self._state.yaw)
 
     def report(self) -> EnvironmentReport:
-        """Computes the verdict and metrics of the run so far."""
+        """Ends open collisions, and returns the verdict and metrics of the run so far."""
         collisions = self._monitor.finish()
         monitor = self._monitor
         return self.mission.report(collisions, monitor.count, monitor.max_force_N, can_touch=monitor.can_touch)
@@ -268,7 +276,7 @@ class NavigationTask(Task):
         self._sensors = {kind: self._reader(names, physics) for kind, names in robot.sensors}
 
     def _reader(self, names: Sequence[str], physics: ScenePhysics) -> Callable[[], tuple[float, ...]]:
-        """Returns a function that reads some of the robot's sensors."""
+        """Returns a function that reads the present numbers of some of the robot's MuJoCo sensors."""
         found = [physics.model.ptr.sensor(f"{self._robot.prefix}{name}") for name in names]
         places = [int(each.adr[0]) + axis for each in found for axis in range(int(each.dim[0]))]
         return _picked(physics.data.ptr.sensordata, places)
@@ -295,7 +303,7 @@ class NavigationTask(Task):
             )
 
     def _between_substeps(self) -> Callable[[], None]:
-        """Returns a function to call every 10 ms: it samples contacts, records states, and moves legs."""
+        """Returns a function to call every 10 ms: it samples contacts, and if needed records states and moves legs."""
         sample, move, record = self._monitor.sample, self._controller.substep, self._telemetry.sample
 
         def sample_and_record() -> None:
@@ -331,7 +339,10 @@ class NavigationTask(Task):
                 self._scan, self._proximity, self._scan_time = ranges
 
     def _measure_ranges(self, scanner: lidar.RangeFinder, bumper: lidar.RangeFinder, model: Lidar) -> None:
-        """Measures ranges with lidar and bumper once, so that the first observation has them."""
+        """Measures ranges with lidar and bumper once, and queues them for the observation after the latency.
+
+        The lidar's errors are added, and the scan is also recorded.
+        """
         assert self.lidar_errors is not None
         time_s, latency_s = self._state.time_s, self.lidar_errors.latency_s if self._steps else 0.0
         measured = self.lidar_errors.disturb(scanner.measure(), self._rng, self._chance)

@@ -69,7 +69,7 @@ class ContactMarkers:
         robot_body_id: int,
         furniture_ids: Sequence[str],
     ) -> None:
-        """Looks up the bodies and geoms.
+        """Looks up the robot's bodies and geoms, whose contacts are to be drawn.
 
         Args:
             recorder: Recorder that gets the markers.
@@ -85,7 +85,7 @@ class ContactMarkers:
         self._wrench = np.zeros(6)
 
     def publish(self) -> None:
-        """Publishes the current contacts, at most 50 times a second."""
+        """Records the robot's current contacts, except with the floor, as ROS markers, at most 50 times a second."""
         time_s = self._data.time
         if time_s < self._due_s and self._due_s < time_s + 2 / CONTACT_RATE_HZ:  # else the time began anew
             return
@@ -190,7 +190,15 @@ def _shown(model: mujoco.MjModel) -> NDArray[np.bool_]:
 def _markers(
     model: mujoco.MjModel, data: mujoco.MjData, chosen: NDArray[np.bool_], frame: Pose, pattern: Marker
 ) -> list[Marker]:
-    """Makes markers for some geoms, in a frame; `ns` is the prefix of the geom's name, so kinds can be hidden."""
+    """Makes a ROS marker for each chosen geom; `ns` is the prefix of the geom's name, so kinds can be hidden.
+
+    Args:
+        model: The model.
+        data: Its present state.
+        chosen: Geoms that get markers, shape (geoms,).
+        frame: Pose of the frame in which the markers are placed.
+        pattern: Marker with the header and the locking of all markers.
+    """
     geoms = np.flatnonzero(chosen)
     kinds = [_SHAPES.get(kind, MarkerType.CUBE) for kind in model.geom_type[geoms].tolist()]
     # A box around a geom is as large as the geom; along a capsule it reaches as far as its round ends.
@@ -214,7 +222,7 @@ def _kind_of_name(model: mujoco.MjModel, geom: int) -> str:
 
 
 def _unobtrusive(shape: Marker) -> Marker:
-    """Lowers a floor marker a little below maps and plans, and makes a wall marker translucent."""
+    """Returns a marker that hides less: a floor a little below maps and plans, a wall translucent; others unchanged."""
     x, y, z = shape.pose.position
     if abs(z + shape.scale.z / 2) < _FLOOR_M:
         return shape._replace(pose=shape.pose._replace(position=ros.Vector3(x, y, z - 2 * _FLOOR_M)))
@@ -224,7 +232,7 @@ def _unobtrusive(shape: Marker) -> Marker:
 
 
 def _poses(model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.intp], frame: Pose) -> Iterator[ros.Pose]:
-    """Yields the poses of geoms' bounding boxes in a frame."""
+    """Yields the poses of the bounding boxes of some geoms, relative to a frame, in metres."""
     own = np.zeros(9)
     mujoco.mju_quat2Mat(own, frame[1])
     axes = data.geom_xmat[geoms].reshape(-1, 3, 3)

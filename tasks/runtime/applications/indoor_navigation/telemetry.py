@@ -66,7 +66,7 @@ def _wheels(robot: Robot, model: mujoco.MjModel) -> list[int]:
 
 
 def _joint_names(robot: Robot) -> list[tuple[str, str]]:
-    """Returns pairs of names for each joint: in the model, and in ROS messages."""
+    """Returns for each joint of a robot a pair of names: in the model, and in ROS messages."""
     # Scout's wheels are called as in ROS; those who describe a robot call its joints as they like.
     return [(name, f"{name}_joint" if robot.is_differential else name) for name in robot.joints]
 
@@ -128,7 +128,7 @@ class Telemetry(KeepsAttributes):
         self.sample()
 
     def sample(self) -> None:
-        """Publishes the current state if it is due; call it at least as often as topics are due."""
+        """Records the robot's current state if it is due; call it at least as often as topics are due."""
         if self._data.time >= self._due_s:
             self._samples += 1
             self._due_s = self._start_s + self._samples / STATE_RATE_HZ - _ROUNDING_S
@@ -209,7 +209,7 @@ class Telemetry(KeepsAttributes):
         self._recorder.write("/goals", goal_markers(rooms, visited, time_s, self.frames.map), time_s)
 
     def publish_scan(self, time_s: float, ranges: NDArray[np.float32]) -> None:
-        """Publishes a lidar measurement as a `LaserScan`."""
+        """Records a lidar measurement (metres) as a ROS `LaserScan` message."""
         if self._scans is None:
             assert self._robot.lidar is not None
             self._scans = RowSeries("/scan", laser_scan(_scan(self._robot.lidar, ranges, self.frames.scan)))
@@ -217,7 +217,13 @@ class Telemetry(KeepsAttributes):
         self._scans.add(self._recorder, time_s, ranges)
 
     def publish_reading(self, kind: type[SensorKind], time_s: float, numbers: Sequence[float]) -> None:
-        """Publishes a measurement of a sensor, if the kind of sensor has a topic."""
+        """Records a sensor's measurement as a ROS message; does nothing if the kind of sensor has no topic.
+
+        Args:
+            kind: Kind of the sensor.
+            time_s: Simulated time of the measurement, in seconds.
+            numbers: The measurement, in the kind's units.
+        """
         frame = self._frame_of(kind)
         if not kind.topic:
             return

@@ -32,7 +32,7 @@ _DRAWN_GROUPS = 3
 
 
 class ScenePhysics(Physics):
-    """dm_control physics that calls a function several times within one control step."""
+    """dm_control physics that may call a function several times within one control step, and loads data faster."""
 
     unseen_group: int | None = None
     """Geom group of the fixed geoms that neither the lidar nor the bumper's sensors can hit."""
@@ -52,7 +52,10 @@ class ScenePhysics(Physics):
         return self._named
 
     def _reload_from_data(self, data: wrapper.MjData) -> None:
-        """Loads new data as dm_control does, but without building the name index, which takes most of the time."""
+        """Loads new data as dm_control does, but without building the name index, which takes most of the time.
+
+        Frees rendering contexts. A physics error after the reset is logged and not raised.
+        """
         self._data, self._named = data, None
         self._warnings = data.warning.number
         self._warnings_before = np.empty_like(self._warnings)
@@ -67,6 +70,8 @@ class ScenePhysics(Physics):
 
     def step(self, nstep: int = 1) -> None:
         """Advances the simulation by `nstep` physics steps.
+
+        Calls `between_substeps`, if it is set, after every few steps and at the end.
 
         Raises:
             PhysicsError: The state became invalid.
@@ -89,7 +94,7 @@ class ScenePhysics(Physics):
 
 
 def assemble(world_xml: Path, robot: Robot = SCOUT) -> ScenePhysics:
-    """Loads a world's MJCF, places a robot at its origin, and compiles both.
+    """Loads a world's MJCF, places a robot at its origin, compiles both, and returns their physics.
 
     Args:
         world_xml: Path of the world's MJCF; its physics options are used for both.
@@ -127,7 +132,7 @@ def _compile(world_xml: Path, robot: Robot) -> mujoco.MjModel:
 
 
 def _raise_slide_priority(own: mujoco.MjSpec, world: mujoco.MjSpec) -> None:
-    """Raises the contact priority of robot parts that have one (slides) above that of the world's floors."""
+    """Raises the contact priority of robot parts that have one (slides) above that of the world's floors, in place."""
     most = max((geom.priority for geom in world.geoms), default=0)
     for geom in own.geoms:
         if geom.priority > 0:
@@ -148,7 +153,10 @@ def _let_sleep(world: mujoco.MjSpec) -> None:
 
 
 def _hide_from_itself(model: mujoco.MjModel, body_id: int, unseen_group: int | None) -> None:
-    """Makes the robot's own parts invisible for its range sensors, but not for cameras."""
+    """Makes the robot's own parts invisible for its range sensors, but not for cameras, by changing the model.
+
+    Parts that are drawn get the unseen geom group, if there is one; parts in undrawn groups become transparent.
+    """
     own = model.body_rootid[model.geom_bodyid] == model.body_rootid[body_id]
     if unseen_group is not None:
         model.geom_group[own & (model.geom_group < _DRAWN_GROUPS)] = unseen_group

@@ -50,7 +50,14 @@ def plan_tour(distances: NDArray[np.float64]) -> list[int]:
 
 
 def _shortest(places: list[int], table: Table) -> list[int]:
-    """Computes the shortest open tour by dynamic programming over all sets of places."""
+    """Returns the places in the order of the shortest open tour from place 0, by dynamic programming over all sets.
+
+    Time and memory double with each place; longer tours use `_untangled`.
+
+    Args:
+        places: Places to visit, as indices of the table.
+        table: Path costs between places.
+    """
     if not places:
         return []
     # Length of the best tour through a set of places to the last of them, and that tour.
@@ -69,7 +76,14 @@ def _shortest(places: list[int], table: Table) -> list[int]:
 
 
 def _untangled(places: list[int], table: Table) -> list[int]:
-    """Computes a nearest-neighbour tour, then reverses stretches (2-opt) as long as that shortens it."""
+    """Returns the places in the order of a good open tour from place 0, which need not be the shortest.
+
+    It is a nearest-neighbour tour, of which stretches are reversed (2-opt) as long as that shortens it.
+
+    Args:
+        places: Places to visit, as indices of the table.
+        table: Path costs between places.
+    """
     left, tour = set(places), [0]
     while left:
         here = table[tour[-1]]
@@ -100,6 +114,8 @@ _FRAME = "map"
 
 def publish_plan(recorder: Recorder, goal: Point, path: Points, time_s: float) -> None:
     """Records the ROS topics `/goal_pose` and `/plan`, as navigation stacks publish them.
+
+    Does nothing if the run is not recorded.
 
     Args:
         recorder: Recorder of the run.
@@ -170,7 +186,7 @@ class Scout(KeepsAttributes):
         recorder: Recorder | None = None,
         lidar: Lidar = LIDAR,
     ) -> None:
-        """Creates the agent of a run.
+        """Creates the built-in robot program for one run, before its first time step.
 
         Args:
             known: Occupancy map of the world.
@@ -252,14 +268,20 @@ class Scout(KeepsAttributes):
         return follower.command(*pose, speed, min(self._speed_limit, _SPEED_LIMIT_MPS[self._way_kind]))
 
     def _order_rooms(self, here: tuple[float, float]) -> list[str]:
-        """Plans the order of the rooms; rooms without a path on the map come last, since the map may be wrong."""
+        """Returns the rooms in the order of a short tour from a place in metres.
+
+        Rooms without a path on the map come last.
+        """
         rooms = list(self._goals)
         tour = plan_tour(self._planner.distances([here, *self._goals.values()]))
         order = [rooms[place - 1] for place in tour]
         return order + [room for room in rooms if room not in order]
 
     def _set_out(self, pose: Pose, now_s: float) -> bool:
-        """Plans a path to the next reachable goal of the tour; returns whether a goal is left."""
+        """Plans a path to the next reachable goal of the tour, and follows it from now on.
+
+        Goals without a path are postponed or given up. Returns whether a goal is left.
+        """
         while self._queue:
             self._planner.set_obstacles(self._memory.points(now_s))
             goal = self._goals[self._queue[0]]
@@ -274,7 +296,7 @@ class Scout(KeepsAttributes):
         return False
 
     def _look(self, pose: Pose, observation: dict[str, NDArray[np.float32]], now_s: float) -> None:
-        """Slows down for unknown obstacles near the path, and plans again when one blocks it."""
+        """Slows the robot down for unknown obstacles near its path, and drops the path when one blocks it."""
         hits = near_hits(self._rays, observation["scan"], observation["proximity"])
         unknown = self._memory.see(pose, hits, now_s)
         self._speed_limit = max(_CREEPING_MPS, free_ahead(hits, self._limits.radius_m) / _CLOSING_S)
@@ -288,7 +310,10 @@ class Scout(KeepsAttributes):
             self._follower = None
 
     def _is_stuck(self, pose: Pose, now_s: float) -> bool:
-        """Whether the robot has neither moved nor turned noticeably for a while, although it is commanded to."""
+        """Whether the robot has neither moved nor turned noticeably for a while, although it is commanded to.
+
+        Remembers the pose from which it has moved on.
+        """
         was = self._anchor.pose
         moved = math.hypot(pose[0] - was[0], pose[1] - was[1]) > _PROGRESS_M
         turned = abs(math.remainder(pose[2] - was[2], math.tau)) > _PROGRESS_RAD
@@ -297,7 +322,10 @@ class Scout(KeepsAttributes):
         return now_s - self._anchor.time_s > _STUCK_S
 
     def _bump(self, pose: Pose, now_s: float) -> None:
-        """Assumes an obstacle in front of the robot, backs off and plans again."""
+        """Adds an obstacle in front of the robot to its memory, makes it back off, and drops its path, to plan again.
+
+        After several tries the goal is postponed or given up.
+        """
         x, y, yaw = pose
         arc, reach_m = yaw + _BUMP_ARC_RAD, self._limits.radius_m + _BUMP_MARGIN_M
         self._memory.add(np.stack((x + reach_m * np.cos(arc), y + reach_m * np.sin(arc)), axis=1), now_s)
@@ -314,7 +342,7 @@ class Scout(KeepsAttributes):
         self._tries = 0
 
     def _leave_goal(self) -> None:
-        """Postpones the current goal to the end of the tour; gives it up the second time."""
+        """Postpones the current goal to the end of the tour; the second time, gives it up for good and logs that."""
         assert self._queue
         goal = self._queue[0]
         self._next_goal()

@@ -24,7 +24,7 @@ class PathFollower:
     """Path tracking controller: computes velocity commands along one path from the robot's poses."""
 
     def __init__(self, path: Path, limits: Limits = LIMITS) -> None:
-        """Starts at the beginning of a path.
+        """Prepares to follow a path from its beginning.
 
         Args:
             path: Points of shape (n, 2) in metres, about 5 cm apart, n at least 2.

@@ -33,7 +33,7 @@ class ObstacleMemory(KeepsAttributes):
         self._seen_s: dict[tuple[int, int], float] = {}
 
     def points(self, now_s: float) -> NDArray[np.float64]:
-        """Returns all remembered obstacle points, shape (n, 2), metres."""
+        """Forgets old obstacle points, and returns the remembered ones in metres, shape (n, 2)."""
         self._seen_s = {cell: seen_s for cell, seen_s in self._seen_s.items() if now_s - seen_s <= _FORGET_S}
         return np.array(list(self._seen_s), dtype=np.float64).reshape(-1, 2) * _CELL_M
 
@@ -59,7 +59,7 @@ class ObstacleMemory(KeepsAttributes):
         return unknown
 
     def add(self, points: NDArray[np.float64], now_s: float) -> None:
-        """Adds obstacle points of shape (n, 2) to the memory."""
+        """Adds obstacle points in metres, shape (n, 2), to the memory, as seen at a time in seconds."""
         for column, row in np.rint(points / _CELL_M).astype(int).tolist():
             self._seen_s[column, row] = now_s
 

@@ -45,7 +45,7 @@ def smooth(points: NDArray[np.float64], clearance: Clearance, radius_m: float) -
 
 
 def resample(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Places points evenly along a polyline, ends included."""
+    """Returns points evenly spaced along a polyline in metres, shape (n, 2), both ends included."""
     lengths = np.hypot(*np.diff(points, axis=0).T) if len(points) > 1 else np.zeros(0)
     along = np.concatenate(([0.0], np.cumsum(lengths)))
     count = max(2, round(float(along[-1]) / STEP_M) + 1)
@@ -54,7 +54,12 @@ def resample(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _straighten(points: NDArray[np.float64], clearance: Clearance) -> NDArray[np.float64]:
-    """Replaces stretches of a path by straight lines where that does not reduce the clearance."""
+    """Returns a path of fewer points, with straight lines where these do not come closer to obstacles than the path.
+
+    Args:
+        points: The path in metres, shape (n, 2).
+        clearance: Measures the distance to obstacles in metres at points.
+    """
     room = clearance(points)
     kept, here, last = [0], 0, len(points) - 1
     while here < last:
@@ -76,7 +81,7 @@ def _is_no_tighter(
 
 
 def _average(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Smooths points by a moving average, which is narrower near both ends."""
+    """Returns points smoothed by a moving average, which is narrower near both ends; the number of points stays."""
     count = len(points)
     index = np.arange(count)
     half = np.minimum(_WINDOW // 2, np.minimum(index, count - 1 - index))
@@ -122,7 +127,7 @@ class GridPlanner:
     """
 
     def __init__(self, known: OccupancyMap, radius_m: float) -> None:
-        """Computes the grid of the map without extra obstacles.
+        """Computes the clearance of the map's cells, without obstacles that are not on the map.
 
         Args:
             known: Occupancy map.
@@ -136,7 +141,7 @@ class GridPlanner:
         self._grids: dict[WayKind, _Grid] = {}
 
     def set_obstacles(self, points: NDArray[np.float64]) -> None:
-        """Replaces the temporary obstacles (not on the map) by points of shape (n, 2)."""
+        """Replaces the temporary obstacles (not on the map) by points in metres, shape (n, 2); none if it is empty."""
         if len(points) == 0 and len(self._obstacles) == 0:
             return
         self._obstacles = points
@@ -168,7 +173,7 @@ class GridPlanner:
         return None
 
     def prepare(self, goals: Iterable[tuple[float, float]]) -> None:
-        """Precomputes the costs of free paths from everywhere to some goals."""
+        """Computes, to be kept, the costs of free paths from everywhere to some goals (x, y in metres)."""
         grid = self._grid("free")
         for goal in goals:
             node = grid.node(goal)
@@ -176,7 +181,7 @@ class GridPlanner:
                 grid.tree(node)
 
     def distances(self, places: list[tuple[float, float]]) -> NDArray[np.float64]:
-        """Returns the path costs between places, shape (n, n), infinite where there is no path."""
+        """Returns the path costs between places (x, y in metres), shape (n, n), infinite where there is no path."""
         grid = self._grid("free")
         nodes = [grid.node(place) for place in places]
         costs = np.full((len(places), len(places)), np.inf)
@@ -226,7 +231,7 @@ class GridPlanner:
 
 
 class _Grid:
-    """Graph of the grid cells in which a disc fits."""
+    """Graph of the map's cells in which the robot's disc fits, with shortest paths to goals, which are kept."""
 
     def __init__(self, known: OccupancyMap, fits: NDArray[np.bool_], costs: NDArray[np.float64]) -> None:
         rows, columns = np.nonzero(fits)
@@ -238,7 +243,7 @@ class _Grid:
         self._trees: dict[int, tuple[NDArray[np.float64], NDArray[np.int32]]] = {}
 
     def node(self, place: tuple[float, float]) -> int | None:
-        """Returns the graph node nearest to a position; `None` if none is near."""
+        """Returns the number of the graph node nearest to a position in metres; `None` if none is near."""
         if len(self.centers) == 0:
             return None
         around = int(self._numbers[self._known.cells(np.array([place]))][0])
@@ -262,7 +267,13 @@ def _clearance(free: NDArray[np.bool_], resolution_m: float) -> NDArray[np.float
 
 
 def _grid_graph(numbers: NDArray[np.int32], costs: NDArray[np.float64], resolution_m: float) -> sparse.csr_array:
-    """Builds the sparse graph of neighbouring cells; cells with a negative number are not nodes."""
+    """Builds the sparse graph of neighbouring cells, weighted by length and the cells' mean cost.
+
+    Args:
+        numbers: Node numbers of the cells, shape (rows, columns); cells with a negative number are not nodes.
+        costs: Cost of the cells per metre, of the same shape.
+        resolution_m: Length of a cell's side in metres.
+    """
     fits = numbers >= 0
     count = int(fits.sum())
     heads, tails, weights = [], [], []

@@ -96,7 +96,7 @@ def _home(mapping: RobotModel, builder: ModelBuilder, model: mujoco.MjModel) -> 
 
 
 def _standing(model: mujoco.MjModel, mapping: RobotModel, home: Mapping[str, float]) -> mujoco.MjData:
-    """Returns a state in which the robot stands at the origin."""
+    """Returns a state in which the robot stands at the origin, with its joints in their home positions."""
     data = mujoco.MjData(model)
     for joint in range(model.njnt):
         if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
@@ -179,7 +179,10 @@ def _sensor(sensor: SensorKind, model: mujoco.MjModel, where: str) -> Sensor:
 
 
 def _ros(mapping: RobotModel, where: str) -> dict[str, Any]:
-    """Returns the options of the ROS bridge; options that are needed before this file is read are an error."""
+    """Returns the options of the ROS bridge in a `robot.yaml`; empty if it has none.
+
+    Raises `LaunchError` for options that are needed before this file is read.
+    """
     given = mapping.ros.model_dump(exclude_unset=True) if mapping.ros is not None else {}
     for name in NOT_OF_ROBOTS:
         if name in given:

@@ -77,7 +77,10 @@ def _lacks(model: mujoco.MjModel, base: int) -> str | None:
 
 
 def _start(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, Any]:
-    """Returns the name of the first keyframe, or its joint positions if it has no name."""
+    """Returns the spawn entry for `robot.yaml`: the first keyframe by name, or its joint positions if it has none.
+
+    The entry is empty if the model has no keyframe.
+    """
     if not model.nkey:
         return {}
     if keyframe := model.key(0).name:
@@ -89,7 +92,7 @@ def _start(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, Any]:
 
 
 def said_of(mapping: RobotModel) -> str:
-    """Describes the derived mapping in one log line."""
+    """Describes a derived `robot.yaml` in one log line: base, sizes and actuators."""
     return (
         f"there is no {MAPPING_FILE}: the base is {mapping.base!r}, {mapping.spawn.height_m:g} m over the floor, "
         f"{mapping.footprint.radius_m:g} m around, and its actuators are the action; write one for anything else"

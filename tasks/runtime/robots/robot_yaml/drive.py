@@ -50,7 +50,9 @@ def make_drive(mapping: RobotModel, limits: Limits, model: mujoco.MjModel, data:
 
 
 def planar_joints(mapping: RobotModel, model: mujoco.MjModel, where: str) -> tuple[str, str, str] | None:
-    """Returns the slide and hinge joints that move a robot's base over the floor.
+    """Returns the slide and hinge joints that move a robot's base over the floor along the world's axes.
+
+    Returns `None` if the drive moves it otherwise.
 
     Raises:
         LaunchError: The joints are not two slides and a hinge along the axes.
@@ -125,14 +127,14 @@ def _warn_if_off(field: str, said_m: float, found_m: float, what: str, where: st
 
 
 class _Actuators:
-    """Finds actuators by their own names or those of their joints."""
+    """Actuators of a robot's model, found by their own names or their joints' names; else `LaunchError` is raised."""
 
     def __init__(self, model: mujoco.MjModel, where: str) -> None:
         self.model, self.where = model, where
         self._names = [model.actuator(index).name for index in range(model.nu)]
 
     def find(self, name: str, field: str) -> int:
-        """Returns an actuator's id by name.
+        """Returns the id of the actuator that has a name, or else of the first that drives the joint of this name.
 
         Raises:
             LaunchError: The model has no actuator of this name.

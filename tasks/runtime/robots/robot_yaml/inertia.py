@@ -44,7 +44,7 @@ MakeSpec = Callable[[ET.Element], mujoco.MjSpec]
 
 @dataclass(frozen=True)
 class Inertia:
-    """Mass and moments of inertia of a robot's link."""
+    """Mass (kg), moments of inertia (kg m², 3 × 3) and centre of mass (m) of a robot's link."""
 
     mass_kg: float
     moments: NDArray[np.float64]
@@ -70,12 +70,12 @@ class Inertia:
 
 @dataclass(frozen=True)
 class Problem:
-    """A robot's link with a physically impossible inertia."""
+    """A robot's link whose inertia is physically impossible: line, text, and the inertia to write instead."""
 
     link: Located
     line: int
     text: str
-    """Text with the values and the error."""
+    """Values of the impossible inertia and the error, as text."""
 
     source: str
     """Source of the suggested inertia, as text."""
@@ -142,7 +142,7 @@ def _mass_kg(link: Located) -> float:
 
 
 def told(problems: list[Problem], path: object) -> str:
-    """Describes impossible inertias of links, with the URDF's lines, in one text; of many, only the first.
+    """Returns text about impossible inertias of links, with the URDF's lines; of many, only the first are named.
 
     Args:
         problems: Links with impossible inertias.
@@ -154,7 +154,7 @@ def told(problems: list[Problem], path: object) -> str:
 
 
 def replace_inertial(problem: Problem) -> None:
-    """Replaces a link's inertia by that of its shapes, or makes it a point mass."""
+    """Replaces a link's inertia in the URDF by the suggested one: that of its shapes, or of a point mass."""
     assert problem.by_setting is not None
     for old in problem.link.findall("inertial"):
         problem.link.remove(old)
@@ -162,7 +162,10 @@ def replace_inertial(problem: Problem) -> None:
 
 
 def _impossible(link: Located) -> tuple[int, str] | None:
-    """Returns line and text of an impossible inertia; None: it is possible, or MuJoCo's importer reports it."""
+    """Returns line and text of a link's physically impossible mass or inertia.
+
+    None: both are possible or absent, or MuJoCo's importer reports them.
+    """
     mass, inertia = link.find("inertial/mass"), link.find("inertial/inertia")
     if mass is None or inertia is None:
         return None
@@ -261,7 +264,10 @@ def _shapes(link: Located) -> list[ET.Element]:
 
 
 def _of_shapes(link: Located, make_spec: MakeSpec) -> Inertia | None:
-    """Computes mass and inertia of a link's shapes at MuJoCo's default density; None if no shape has a volume."""
+    """Computes mass and inertia of a link's shapes at MuJoCo's default density; None if no shape has a volume.
+
+    Meshes are taken for solid, or for shells if they are not closed; flat inertias are thickened.
+    """
     alone = ET.Element("robot", name="alone")
     body = ET.SubElement(alone, "link", name="link")
     for shape in _shapes(link):

@@ -61,7 +61,7 @@ def parse_located(path: Path) -> Located:
 
 
 def lined_text(root: Located) -> str:
-    """Writes an XML document with each tag in its original line, so that MuJoCo's errors name that line.
+    """Returns an XML document as text with each tag in its original line, so that MuJoCo's errors name that line.
 
     Args:
         root: Root element of the document. Text between tags is left out: neither URDF nor its extensions for MuJoCo
@@ -86,5 +86,5 @@ def lined_text(root: Located) -> str:
 
 
 def _quoted(value: str) -> str:
-    """Quotes an attribute's value; line breaks in it become spaces, as XML reads them."""
+    """Returns an attribute's value quoted for XML; line breaks in it become spaces, as XML reads them."""
     return quoteattr(" ".join(value.splitlines()) if "\n" in value else value)

@@ -19,12 +19,18 @@ _SHOWN_NAMES = 12
 
 
 def invalid(where: object, message: str) -> LaunchError:
-    """Makes the error about a robot's file, or about a place in the file."""
+    """Returns, without raising it, the `LaunchError` about a robot's file, or about a place in the file."""
     return LaunchError(f"{where}: {message}", INVALID_ROBOT)
 
 
 def alternatives(name: str, names: Iterable[str], what: str) -> str:
-    """Suggests the nearest known name instead of an unknown one, or lists all names."""
+    """Returns text that suggests the nearest known name instead of an unknown one, or lists known names.
+
+    Args:
+        name: The unknown name.
+        names: The known ones; empty ones do not count.
+        what: Plural noun for them, such as `bodies`.
+    """
     there: Collection[str] = [each for each in names if each]
     if near := get_close_matches(name, there, n=1):
         return f"did you mean {near[0]!r}?"
@@ -41,7 +47,7 @@ _STEP = re.compile(r"\w+")
 
 
 def placed(error: LaunchError, path: Path) -> LaunchError:
-    """Adds line and column to an error about a member of `robot.yaml`.
+    """Returns an error about a member of `robot.yaml` with the member's line and column added.
 
     Args:
         error: Error whose message begins with the file's name and the member, as `invalid` writes it; other errors are

@@ -24,7 +24,7 @@ _MB = 1e6
 
 @dataclass(frozen=True)
 class MenagerieFile:
-    """A file of a robot in MuJoCo Menagerie."""
+    """Path of a file of a robot in MuJoCo Menagerie, and the root below which all of the robot's files are."""
 
     path: Path
     root: Path
@@ -82,7 +82,7 @@ def menagerie_mapping(reference: str, variables: Mapping[str, str]) -> tuple[Men
 
 
 def _folder(name: str, variables: Mapping[str, str]) -> MenagerieFile:
-    """Finds the folder of a robot model in MuJoCo Menagerie."""
+    """Returns the place of a robot model of MuJoCo Menagerie: in the checkout that a variable names, or downloaded."""
     return _in_checkout(name, variables[ROOT_VARIABLE]) if variables.get(ROOT_VARIABLE) else _fetched(name, variables)
 
 

@@ -27,7 +27,9 @@ _File = tuple[str, Path]
 
 
 def load_model(path: Path, root: Path, reading: UrdfReading | None = None) -> mujoco.MjSpec:
-    """Loads a robot's MJCF, URDF or SDF model file.
+    """Loads a robot's MJCF, URDF or SDF model file, and returns its specification, which is not compiled yet.
+
+    Without a state of reading, a URDF or SDF is read with a new one.
 
     Args:
         path: Path of the MJCF, URDF or SDF file.
@@ -75,7 +77,16 @@ def _meant(element: ET.Element, path: Path, root: Path) -> str:
 
 
 def _files_of(element: ET.Element, path: Path, folder: Path, seen: frozenset[Path] = frozenset()) -> Iterator[_File]:
-    """Yields every file that an MJCF and its includes name; relative names are relative to the main file."""
+    """Yields every file that an MJCF and its includes name, as written and as a path.
+
+    Raises `LaunchError` if a name is absolute, or a file includes itself.
+
+    Args:
+        element: Root element of the MJCF.
+        path: Its file.
+        folder: Folder to which names are relative: that of the main file.
+        seen: Files in which this one is included.
+    """
     compilers = list(element.iter("compiler"))
     meshes, textures = (
         next((each.get(key) or each.get("assetdir") for each in compilers if each.get(key) or each.get("assetdir")), "")
@@ -115,7 +126,7 @@ _MAX_FOLLOW_SCALE = 1.6
 
 @dataclass(frozen=True)
 class RobotFiles:
-    """Files of a robot: its `robot.yaml` and its model."""
+    """Paths of a robot's files: its `robot.yaml`, its model, and the root outside which no file may be."""
 
     mapping: Path
     """Path of `robot.yaml`, or another name for messages."""
@@ -128,7 +139,7 @@ class RobotFiles:
 
 
 class ModelBuilder:
-    """Builds MuJoCo models of one robot from its files."""
+    """Builds MuJoCo models of one robot from its files; defects of these raise `LaunchError`."""
 
     def __init__(self, mapping: RobotModel, files: RobotFiles) -> None:
         self._mapping, self._files = mapping, files
@@ -167,7 +178,7 @@ class ModelBuilder:
         return spec
 
     def compile(self) -> mujoco.MjModel:
-        """Compiles the robot without a world; unusable visual meshes are left out.
+        """Compiles and returns the robot's model without a world; unusable visual meshes are left out.
 
         Raises:
             LaunchError: A file or a name is wrong, or MuJoCo cannot compile it.
@@ -182,7 +193,9 @@ class ModelBuilder:
             raise refused(self._files.model, cause, "MuJoCo cannot make a model of it", hint) from cause
 
     def find(self, parts: Iterable[Any], name: str, field: str, what: str) -> Any:
-        """Finds a part of the model by name.
+        """Returns the part with a name among bodies, geoms, joints or other parts of the robot's model.
+
+        The body `world` is not found.
 
         Raises:
             LaunchError: The model has no such part; the message names the field and the parts that the model has.
@@ -194,7 +207,10 @@ class ModelBuilder:
         return by_name[name]
 
     def keyframe(self) -> dict[str, float]:
-        """Returns the joint positions in the keyframe that `robot.yaml` names."""
+        """Returns the joint positions, by joint, in the keyframe that `robot.yaml` names; empty if it names none.
+
+        Raises `LaunchError` if the model has no such keyframe.
+        """
         if self._mapping.spawn.keyframe is None:
             return {}
         spec = load_model(self._files.model, self._files.root, self.reading)
@@ -209,7 +225,10 @@ class ModelBuilder:
         }
 
     def _keep_robot_only(self, spec: mujoco.MjSpec) -> mujoco.MjsBody:
-        """Removes everything that does not belong to the robot (floors, lights) from the model; returns its base."""
+        """Deletes everything that does not belong to the robot (floors, lights) from its model, and returns its base.
+
+        Raises `LaunchError` if the base is missing or hangs on another body.
+        """
         base = self.find(spec.bodies, self._mapping.base, "base", "bodies")
         if base.parent.name != "world":
             root = base

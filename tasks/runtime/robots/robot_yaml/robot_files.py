@@ -19,7 +19,7 @@ _FILE = "file://"
 
 
 class _Place(NamedTuple):
-    """A folder in which a file is searched."""
+    """A folder in which a file that a robot's model names is searched, and the file's path below that folder."""
 
     folder: Path
     inside: str
@@ -95,7 +95,7 @@ def folders_between(folder: Path, root: Path) -> list[Path]:
 
 
 def similar_file(folder: Path, inside: str, root: Path) -> str | None:
-    """Finds the file that a misspelt path probably means.
+    """Returns the path of the file that a misspelt path probably means.
 
     The names may differ in case, in escapes such as `%20`, in the form of accents, in the direction of slashes, or in a
     letter or two of the last part.

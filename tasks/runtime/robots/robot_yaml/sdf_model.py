@@ -43,7 +43,7 @@ _NO_HOME = {"HOME": "/nonexistent"}
 
 
 def read_sdf(path: Path, root: Path, reading: UrdfReading) -> mujoco.MjSpec:
-    """Makes a MuJoCo model of a robot in SDF.
+    """Makes and returns the MuJoCo model, not compiled yet, of a robot in SDF.
 
     Args:
         path: Path of the file with a `<model>`.
@@ -90,7 +90,7 @@ def _check_is_one(path: Path, world: SdfWorld) -> None:
 
 
 class _Writer:
-    """Builds a MuJoCo model from an SDF."""
+    """Builds the MuJoCo model of a robot from an SDF; what cannot be converted raises `LaunchError`."""
 
     def __init__(self, path: Path, world: SdfWorld, meshes: Meshes, reading: UrdfReading) -> None:
         self._path, self._meshes, self._reading = path, meshes, reading
@@ -110,7 +110,10 @@ class _Writer:
             made[link.path] = self._body(link, joint, above, around)
 
     def _tree(self, joints: list[Joint]) -> Iterator[Joint]:
-        """Yields the joints that move a link of their own, as a tree."""
+        """Yields the joints that move a link of their own, in the order of the file.
+
+        Raises `LaunchError` if a link is missing, or the joints are not a tree.
+        """
         above: dict[str, str] = {}
         for joint in joints:
             for name in (joint.parent, joint.child):
@@ -188,7 +191,17 @@ class _Writer:
             made.range = [-far if joint.lower is None else joint.lower, far if joint.upper is None else joint.upper]
 
     def _geom(self, body: Any, part: Collision | Visual, inside: Pose, link: Link) -> Any | None:
-        """Adds a collision geom, which has all of the mass, or a visual geom."""
+        """Adds a collision geom, which has all of the mass, or a visual geom to a body, and returns it.
+
+        Returns `None` for a visual that cannot be shown. Raises `LaunchError` for a collision shape that robots cannot
+        have.
+
+        Args:
+            body: Body of the link in MuJoCo.
+            part: Collision or visual of the link.
+            inside: Pose of the link in the body.
+            link: The link.
+        """
         collides, geometry, pose = isinstance(part, Collision), part.geometry, inside @ part.pose
         if geometry.kind != "mesh" and geometry.kind not in _SHAPES:
             if collides:
@@ -214,7 +227,11 @@ class _Writer:
         return geom
 
     def _mesh(self, geometry: Geometry, where: str, collides: bool) -> str | None:
-        """Adds a mesh and returns its name; MuJoCo collides with its hull. None: it is visual and cannot be read."""
+        """Adds a mesh to the model, once, and returns its name; MuJoCo collides with its hull.
+
+        Returns `None`, with a warning, if it is visual and cannot be read. Raises `LaunchError` if a mesh that collides
+        cannot be read.
+        """
         if geometry in self._names:
             return self._names[geometry]
         try:
@@ -241,7 +258,7 @@ def _listed(names: list[str]) -> str:
 
 
 def _numbered(name: str, taken: set[str]) -> str:
-    """Makes a name unique among shapes or joints by adding a number if it is taken."""
+    """Returns a name that is unique among shapes or joints, with a number if it is taken, and adds it to `taken`."""
     names = (name if number == 1 else f"{name}_{number}" for number in count(1))
     taken.add(found := next(each for each in names if each not in taken))
     return found

@@ -85,7 +85,7 @@ def _directions(middle: _Points) -> _Points:
 
 
 def _widest_m(middle: _Points, width_m: _Points) -> float:
-    """Returns the extent of a convex shape in metres: the largest value of its support function."""
+    """Returns the largest horizontal distance of a convex shape from the origin in metres, by its support function."""
     return float((_directions(middle) @ middle[:2] + width_m).max())
 
 
@@ -94,7 +94,7 @@ def _farthest_m(points: _Points) -> float:
 
 
 def check_shapes(model: mujoco.MjModel, where: str) -> None:
-    """Raises an error for a robot without collision shapes, which would go through walls unnoticed."""
+    """Raises `LaunchError` for a robot without collision shapes, which would go through walls unnoticed."""
     collides = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     if not (collides & (model.geom_bodyid > 0)).any():
         raise invalid(
@@ -107,7 +107,10 @@ def check_shapes(model: mujoco.MjModel, where: str) -> None:
 def check_sizes(
     mapping: RobotModel, model: mujoco.MjModel, data: mujoco.MjData, builder: ModelBuilder, files: RobotFiles
 ) -> None:
-    """Raises an error for parts in a unit other than metres, which make the robot far too large or small."""
+    """Raises `LaunchError` for parts of a robot in a unit other than metres, which are far too large or small.
+
+    The measure is the radius of the robot's footprint.
+    """
     radius_m, where = mapping.footprint.radius_m, files.mapping.name
     for geom in range(model.ngeom):
         reach_m = geom_reach_m(model, data, geom)
@@ -136,7 +139,7 @@ def check_sizes(
 
 
 def warn_of_overhang(mapping: RobotModel, model: mujoco.MjModel, data: mujoco.MjData, where: str) -> None:
-    """Warns if parts reach beyond the disc of the footprint: planners would drive into obstacles."""
+    """Logs a warning if parts reach beyond the disc of the footprint: planners would drive into obstacles."""
     reach_m = solid_reach_m(model, data)
     if reach_m > mapping.footprint.radius_m + _OVERHANG_M:
         _logger.warning(

@@ -31,7 +31,7 @@ _LINE = re.compile(r", line (\d+)")
 
 @dataclass
 class MeshUse:
-    """A mesh file with a scale, as a URDF uses it."""
+    """A mesh file with a scale, as a link of a URDF uses it: to collide or only to be seen."""
 
     name: str
     """Name of the mesh in the MuJoCo model."""
@@ -48,7 +48,7 @@ class MeshUse:
     collides: bool
 
     def problem(self) -> str | None:
-        """Reason why MuJoCo cannot use the mesh; `None` if it can."""
+        """Returns the reason why MuJoCo cannot use the mesh, by compiling a model with it; `None` if it can."""
         spec = mujoco.MjSpec()
         mesh = spec.add_mesh(name=self.name, file=str(self.file))
         if self.scale:
@@ -109,7 +109,7 @@ class UrdfReading:
 
 
 def read_urdf(robot: Located, path: Path, root: Path, reading: UrdfReading | None = None) -> mujoco.MjSpec:
-    """Makes a MuJoCo model of a URDF.
+    """Makes and returns the MuJoCo model, not compiled yet, of a robot in URDF.
 
     Args:
         robot: Document of the URDF; changed in place.
@@ -148,7 +148,7 @@ def read_urdf(robot: Located, path: Path, root: Path, reading: UrdfReading | Non
 
 
 def refused(path: Path, cause: ValueError, what: str, hint: str = "") -> LaunchError:
-    """Makes the error about a model that MuJoCo refuses, with the line of the URDF if known.
+    """Returns, without raising it, the error about a model that MuJoCo refuses, with the line of the URDF if known.
 
     Args:
         path: Path of the MJCF or URDF.
@@ -201,7 +201,10 @@ def check_expanded(robot: Located, path: Path) -> None:
 
 
 def _xacro_in(robot: Located, prefixes: tuple[str, ...]) -> Iterator[tuple[Located, str]]:
-    """Yields xacro elements, and attributes with xacro expressions that a simulation would read."""
+    """Yields the elements of a URDF with xacro that is not expanded, and the xacro as text.
+
+    These are xacro elements, and expressions in attributes and texts that a simulation would read.
+    """
     read = {id(each) for child in robot if child.tag in _READ for each in child.iter()}
     for element in robot.iter():
         assert isinstance(element, Located)
@@ -216,7 +219,7 @@ def _xacro_in(robot: Located, prefixes: tuple[str, ...]) -> Iterator[tuple[Locat
 
 
 def _name_meshes(robot: Located, path: Path, root: Path, reading: UrdfReading) -> Iterator[MeshUse]:
-    """Gives each mesh file at each scale a name of its own, and removes visual meshes that are left out.
+    """Gives each mesh file at each scale its own name, removes visual meshes that are left out, and yields the rest.
 
     MuJoCo's importer names meshes after their files without the folders, so that `visual/base.stl` and
     `collision/base.stl` would be the same mesh.
@@ -243,7 +246,11 @@ def _name_meshes(robot: Located, path: Path, root: Path, reading: UrdfReading) -
 def _mesh_use(
     mesh: ET.Element, part: ET.Element, link: ET.Element, path: Path, root: Path, reading: UrdfReading
 ) -> MeshUse | None:
-    """Returns the mesh of an element; None: its `<visual>` is left out."""
+    """Returns the use of a mesh by an element of a URDF; None if the element is a `<visual>` that is left out.
+
+    A visual mesh in a format that MuJoCo does not read is left out with a warning. Raises `LaunchError` if a collision
+    mesh has such a format, or the file is missing.
+    """
     written, line = mesh.get("filename", ""), mesh.line if isinstance(mesh, Located) else 1
     where = f"{path}:{line}"
     if Path(written).suffix.lower() not in _MESHES:
@@ -277,7 +284,7 @@ def _only_draw(mesh: mujoco.MjsMesh) -> None:
 
 
 def _set_compiler(robot: ET.Element) -> None:
-    """Sets the options of MuJoCo's URDF importer that the file does not set itself."""
+    """Adds to a URDF the options of MuJoCo's importer that the file does not set itself, and removes its `meshdir`."""
     extension = robot.find("mujoco")
     extension = ET.SubElement(robot, "mujoco") if extension is None else extension
     compiler = extension.find("compiler")

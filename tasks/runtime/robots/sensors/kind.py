@@ -80,7 +80,7 @@ class SensorKind(Model):
 
     @classmethod
     def message(cls, header: Header, numbers: Sequence[float]) -> Any:
-        """Makes the ROS message of a reading.
+        """Returns the ROS message of a reading; to be overridden by kinds of sensors with a topic.
 
         Args:
             header: Simulated time, and frame of the sensor.
