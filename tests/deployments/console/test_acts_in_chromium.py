@@ -150,8 +150,7 @@ def test_a_value_can_be_typed_while_the_text_is_checked(serve: Serve, chromium: 
             }
         },
     }
-    with serve() as served, chromium.page() as page:
-        served.wait_until_ready()
+    with serve("--execute", "none") as served, chromium.page() as page:
         look_at(page, axe, f"{served.url}/console/runs/new")
         fill(page, "#spec-text", json.dumps(text))
         page.wait_for_text("Before it can start, arm needs a value.")

@@ -4,6 +4,7 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Callable
@@ -139,20 +140,20 @@ def test_a_server_that_dies_under_a_call_costs_a_clear_message(
 
 
 def test_a_server_that_dies_before_a_job_runs_costs_a_message_with_the_command_that_goes_on(
-    service: Service, order: Order, own_server: Any, monkeypatch: pytest.MonkeyPatch
+    service: Service, order: Order
 ) -> None:
-    from prefect.settings import PREFECT_API_AUTH_STRING, PREFECT_API_URL, temporary_settings
+    from prefect.settings import PREFECT_API_URL, temporary_settings
 
     from prefect_robomaker.flows.lookup import PrefectServerLostError, perform
 
-    variables, pid = own_server
     job = call("CreateSimulationJob", order(), service)["arn"]
-    os.killpg(pid, signal.SIGKILL)
-    chosen: dict[Any, Any] = {
-        PREFECT_API_URL: variables["PREFECT_API_URL"],
-        PREFECT_API_AUTH_STRING: variables["PREFECT_API_AUTH_STRING"],
-    }
-    with temporary_settings(chosen), service.activated(), pytest.raises(PrefectServerLostError) as error:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        url = f"http://127.0.0.1:{server.getsockname()[1]}/api"  # of one that has died: nobody listens there any more
+    with (
+        temporary_settings({PREFECT_API_URL: url}),
+        service.activated(),
+        pytest.raises(PrefectServerLostError) as error,
+    ):
         perform("CreateSimulationJob", job)
 
     assert str(error.value).endswith(
