@@ -6,19 +6,16 @@ import subprocess
 import sys
 import uuid
 from collections.abc import Callable, Iterator
-from contextlib import closing, suppress
+from contextlib import closing
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import Any
-from unittest import mock
 from zoneinfo import ZoneInfo
 
 import pytest
 from helpers.prefect_server import server_settings
 from prefect.client.orchestration import SyncPrefectClient, get_client
 from prefect.client.schemas.objects import FlowRun
-from prefect.engine import handle_engine_signals
-from prefect.flow_engine import load_flow, load_flow_run, run_flow
 from prefect.server.schemas.schedules import CronSchedule
 from prefect.states import Cancelled, Completed, Paused, Pending, Running, Scheduled
 
@@ -88,14 +85,6 @@ def execute(run: FlowRun, api_url: str, folder: Path) -> subprocess.CompletedPro
     return subprocess.run(command, env=environ, cwd=folder, capture_output=True, text=True, check=False, timeout=240)
 
 
-def execute_here(run: FlowRun, folder: Path) -> None:
-    """The same in this process: nearly all that a process of its own does is to import Prefect."""
-    environ = {"ROBOMAKER_HOME": str(folder / "home"), "PREFECT__FLOW_RUN_ID": str(run.id)}
-    with mock.patch.dict(os.environ, environ), suppress(SystemExit), handle_engine_signals(run.id):
-        begun = load_flow_run(run.id)
-        run_flow(load_flow(begun), flow_run=begun)
-
-
 @pytest.mark.deep
 @pytest.mark.parametrize(
     ("trouble", "first_to_begin"),
@@ -128,17 +117,14 @@ def test_a_night_gives_its_place_to_one_that_was_due_earlier(
     client.set_flow_run_state(before.id, Completed())
 
     assert client.set_flow_run_state(later.id, Pending()).status.value == "ACCEPT"  # it asked first
-    if first_to_begin == "later":
-        execute_here(later, tmp_path)
-        ended = client.read_flow_run(later.id).state
-        assert ended is not None
-        assert ended.is_completed(), ended
-        return
     done = execute(later, prefect_server, tmp_path)
 
     after = client.read_flow_run(later.id)
     assert after.state is not None
     assert done.returncode == 0, done.stderr
+    if first_to_begin == "later":
+        assert after.state.is_completed(), done.stderr
+        return
     assert (after.state.type.value, after.state.name) == ("SCHEDULED", "AwaitingConcurrencySlot"), done.stderr
     assert earlier.name in (after.state.message or "")
     assert after.expected_start_time == later.expected_start_time, "lateness counts from when it was due"
@@ -150,25 +136,25 @@ def test_a_night_gives_its_place_to_one_that_was_due_earlier(
     # Its place is free: the earlier one begins, and the later one after it.
     for run in (earlier, later):
         assert client.set_flow_run_state(run.id, Pending()).status.value == "ACCEPT"
-        execute_here(run, tmp_path)
+        done = execute(run, prefect_server, tmp_path)
         ended = client.read_flow_run(run.id).state
         assert ended is not None
-        assert ended.is_completed(), ended
+        assert ended.is_completed(), done.stderr
 
 
 @pytest.mark.deep
 @pytest.mark.parametrize(("late_h", "state"), [(7, "Skipped"), (5, "Completed")])
 def test_a_night_that_was_missed_is_skipped_or_made_up_for(
-    client: SyncPrefectClient, night: MakeNight, tmp_path: Path, late_h: int, state: str
+    client: SyncPrefectClient, night: MakeNight, prefect_server: str, tmp_path: Path, late_h: int, state: str
 ) -> None:
     run = night()
     scheduled_at(run, datetime.now(UTC) - timedelta(hours=late_h))
 
-    execute_here(run, tmp_path)
+    ended = execute(run, prefect_server, tmp_path)
 
     after = client.read_flow_run(run.id)
-    assert after.state is not None
-    assert after.state.name == state, after.state
+    assert after.state is not None, ended.stderr
+    assert after.state.name == state, ended.stderr
     assert after.state.is_final()
     assert (tmp_path / "home" / "runs").exists() == (state == "Completed")
     if state == "Skipped":
