@@ -1,7 +1,6 @@
 """Signals, and servers that die: what commands say then, and what Prefect shows."""
 
 import json
-import os
 import re
 import signal
 import socket
@@ -13,6 +12,7 @@ from typing import Any
 
 import pytest
 from helpers.processes import started, wait_for, working_below
+from helpers.tcp_proxy import TcpProxy
 
 from prefect_robomaker.schemas.reports.run_record import RunRecord
 from prefect_robomaker.tasks.operations.registry import call
@@ -120,14 +120,13 @@ def test_sigterm_in_a_flow_of_a_user(
 
 
 def test_a_server_that_dies_under_a_call_costs_a_clear_message(
-    service: Service, order: Order, environ: Any, own_server: Any
+    service: Service, order: Order, environ: Any, cable: TcpProxy
 ) -> None:
-    variables, pid = own_server
-    variables = {**environ, **variables}
+    variables = {**environ, "PREFECT_API_URL": f"http://127.0.0.1:{cable.port}/api"}
     command = [*ROBOMAKER, "call", "CreateSimulationJob", "--wait", "--input", json.dumps(order({"DURATION_S": "15"}))]
     with started(command, variables, **PIPES) as robomaker:
         wait_for(lambda: working_below(service.settings.home), "the simulation")
-        os.killpg(pid, signal.SIGKILL)
+        cable.close()
         out, err = robomaker.communicate(timeout=200)
 
     # The job itself needs no server to come to its end.
