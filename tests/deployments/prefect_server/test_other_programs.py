@@ -7,7 +7,6 @@ from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from unittest import mock
 
-import httpx
 import pytest
 from helpers.prefect_server import server_settings
 from helpers.processes import alive
@@ -55,14 +54,17 @@ def test_env_prints_what_other_programs_need(environ: dict[str, str], prefect_se
 
 def test_nothing_is_made_without_the_secret(environ: dict[str, str]) -> None:
     """Prefect's command with what `env` prints makes a pool in tests/deployments/test_scheduled_runs.py."""
-    from prefect.client.orchestration import get_client
+    from prefect.client.orchestration import SyncPrefectClient, get_client
+    from prefect.client.schemas.actions import WorkPoolCreate
+    from prefect.exceptions import PrefectHTTPStatusError
 
+    pool = WorkPoolCreate(name="of-a-stranger", type="process")
     url = exported(environ)["PREFECT_API_URL"]
-    refused = httpx.post(f"{url}/work_pools/", json={"name": "of-a-stranger", "type": "process"}, trust_env=False)
+    with SyncPrefectClient(url) as stranger, pytest.raises(PrefectHTTPStatusError, match="401"):
+        stranger.create_work_pool(pool)
 
-    assert refused.status_code == 401
     with get_client(sync_client=True) as client:
-        assert "of-a-stranger" not in {pool.name for pool in client.read_work_pools()}
+        assert pool.name not in {pool.name for pool in client.read_work_pools()}
 
 
 def test_the_secret_is_in_no_command_line_and_in_no_log(environ: dict[str, str]) -> None:
