@@ -86,10 +86,8 @@ simulations() {
   robot=$(arn_of robotApplication)
   simulation=$(arn_of simulationApplication)
   request "$robot" "$simulation" 0.1 > short.json
-  request "$robot" "$simulation" 250 > long.json
   job
   batch
-  cancels
 }
 
 job() {
@@ -121,18 +119,6 @@ END
   tell jobs list-simulation-jobs --page-size 1 --query simulationJobSummaries \
     --filters "name=simulationApplicationName,values=$NAME"
   tell batches list-simulation-job-batches --page-size 1 --query simulationJobBatchSummaries
-}
-
-cancels() {
-  local arn
-  tell long create-simulation-job --cli-input-json file://long.json
-  arn=$(arn_of long)
-  tell_when Running longRunning describe-simulation-job --job "$arn"
-  robomaker cancel-simulation-job --job "$arn"
-  tell_when "$ended" longCancelled describe-simulation-job --job "$arn"
-  tell longBatch start-simulation-job-batch --create-simulation-job-requests "[$(cat long.json), $(cat long.json)]"
-  robomaker cancel-simulation-job-batch --batch "$(arn_of longBatch)"
-  tell_when "$ended" longBatchEnded describe-simulation-job-batch --batch "$(arn_of longBatch)"
 }
 
 errors() {

@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -83,9 +84,14 @@ class ComposedServices:
             assert done.returncode == 0, done.stdout
 
     def _await_health(self, name: str) -> None:
-        """Asks as the service's own check of health does."""
-        words = SERVICES["services"][name]["healthcheck"]["test"][1:]
-        healthy = lambda: self._machine.run(words, self._environ(name)).returncode == 0  # noqa: E731
+        """Asks as the service's own check of health does, and as often: each question is a process of Python."""
+        check = SERVICES["services"][name]["healthcheck"]
+        interval_s = float(check["interval"].removesuffix("s"))
+
+        def healthy() -> bool:
+            time.sleep(interval_s)
+            return self._machine.run(check["test"][1:], self._environ(name)).returncode == 0
+
         wait_for(healthy, f"{name}; {self._logs()}", _READY_S)
 
     def _environ(self, name: str) -> dict[str, str]:

@@ -26,8 +26,8 @@ _LEFT_OUT = {
     "tkinter",
     "site-packages",
     "pydoc_data",
-    "__pycache__",
 }
+_CACHE_TAG = f".{sys.implementation.cache_tag}.pyc"
 
 
 def write_root(archive: Path, *, python: bool = False, programs: Sequence[str] = PROGRAMS) -> None:
@@ -72,14 +72,17 @@ def write_root(archive: Path, *, python: bool = False, programs: Sequence[str] =
 
 
 def _python_files() -> Iterator[tuple[Path, str]]:
-    """This Python with its standard library."""
+    """This Python with its standard library, compiled: containers keep nothing, so each would compile it anew."""
     version = f"python{sys.version_info.major}.{sys.version_info.minor}"
     base = Path(sys.base_prefix)
     yield base / "bin" / version, "/usr/bin/python3"
     library = base / "lib" / version
     for folder, folders, names in os.walk(library):
         folders[:] = [name for name in folders if name not in _LEFT_OUT and not name.startswith("config-")]
+        is_cache = Path(folder).name == "__pycache__"
         for name in names:
+            if is_cache and not name.endswith(_CACHE_TAG):
+                continue  # what other versions, and `python -O`, have compiled
             path = Path(folder, name)
             yield path, f"/usr/lib/{version}/{path.relative_to(library)}"
     yield Path(agent_client.__file__), "/robot/agent_client.py"

@@ -20,6 +20,8 @@ from prefect_robomaker.tasks.simulations.containers.engines import Engine, Engin
 _START_WITHIN_S = 200.0
 _STOP_WITHIN_S = 20.0
 _CALL_WITHIN_S = 200.0
+_STORAGE_DRIVERS = ("overlay2", "vfs")
+"""Of a daemon of the tests' own. The second works on every file system, and copies all files for each container."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,8 @@ def real_engine() -> Iterator[RealEngine]:
     named = os.environ.get("ROBOMAKER_CONTAINER_ENGINE")
     with tempfile.TemporaryDirectory(prefix="engine-") as name:
         folder = Path(name)
-        starts = [partial(_docker, "docker"), _own_docker, partial(_podman, "podman")]
+        own = [partial(_own_docker, driver) for driver in _STORAGE_DRIVERS]
+        starts = [partial(_docker, "docker"), *own, partial(_podman, "podman")]
         if named is not None:
             starts = [partial(_podman if "podman" in named else _docker, named)]
         for start in starts:
@@ -126,17 +129,19 @@ def _docker(name: str, folder: Path, _: ExitStack) -> RealEngine:
     return engine
 
 
-def _own_docker(folder: Path, stack: ExitStack) -> RealEngine:
+def _own_docker(driver: str, below: Path, stack: ExitStack) -> RealEngine:
     """A daemon whose files are all in a folder; containers use the machine's network, so it needs none of its own."""
     if os.getuid() != 0:
         raise EngineError("dockerd can only be started as root")
+    folder = below / driver
+    folder.mkdir()
     socket = f"unix://{folder}/docker.sock"
     command = [
         *(_found("unshare"), "--mount"),  # what it mounts is gone with it
         _found("dockerd"),
         *("--data-root", str(folder / "data"), "--exec-root", str(folder / "exec")),
         *("--host", socket, "--pidfile", str(folder / "docker.pid")),
-        *("--iptables=false", "--ip-masq=false", "--bridge=none", "--storage-driver=vfs"),
+        *("--iptables=false", "--ip-masq=false", "--bridge=none", f"--storage-driver={driver}"),
     ]
     log = stack.enter_context((folder / "dockerd.log").open("wb"))
     daemon = subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True)

@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 from typing import Any
-from uuid import uuid4
+from uuid import UUID, uuid4
 
 import pytest
 from helpers.bare_prefect_server import bare_prefect_server
@@ -77,17 +77,14 @@ def night(duration_s: float = 3.0, jobs: int = 6) -> str:
     return json.dumps({"version": 1, "name": "night", "steps": steps})
 
 
-def begin_night(client: Any, pool: str) -> Any:
-    """Makes a deployment of the night as `robomaker deploy --schedule` does, and has Prefect begin a run of it.
-
-    Not by a schedule: a busy server would notice one too late.
-    """
+def deploy_night(client: Any, name: str, pool: str | None) -> Any:
+    """Makes a deployment of the night as `robomaker deploy --schedule` does; returns its id."""
     from prefect_robomaker.flows.pipelines import RunPipeline
     from prefect_robomaker.tasks.execution.schedule_overlaps import OVERLAP, RUNS_AT_ONCE
 
-    deployment = client.create_deployment(
+    return client.create_deployment(
         flow_id=client.create_flow(RunPipeline),
-        name=pool,
+        name=name,
         work_pool_name=pool,
         entrypoint="prefect_robomaker.flows.pipelines:RunPipeline",
         pull_steps=[],
@@ -97,6 +94,11 @@ def begin_night(client: Any, pool: str) -> Any:
         concurrency_limit=RUNS_AT_ONCE,
         concurrency_options=OVERLAP,
     )
+
+
+def begin_night(client: Any, pool: str) -> Any:
+    """Has Prefect begin a run of the night's deployment. Not by a schedule: a busy server would notice one too late."""
+    deployment = deploy_night(client, pool, pool)
     client.create_flow_run_from_deployment(deployment)
     return deployment
 
@@ -168,6 +170,29 @@ def kill_a_night(client: Any, pool: str, service: Service, environ: dict[str, st
     return deployment, batch
 
 
+def engine_of(run: UUID, environ: dict[str, str]) -> tuple[list[str], dict[str, str]]:
+    """The process that a Prefect worker starts for a flow run: its command, and its variables."""
+    variables = {**environ, **MINE, "PREFECT__FLOW_RUN_ID": str(run)}
+    return [sys.executable, "-m", "prefect.engine"], variables
+
+
+def kill_a_flow_run(client: Any, service: Service, environ: dict[str, str]) -> tuple[Any, str]:
+    """Begins a night in the process that a Prefect worker starts, and kills it in the middle; there is no worker.
+
+    Returns:
+        The deployment's id, and the ARN of the batch that was running.
+    """
+    from prefect.states import Pending
+
+    deployment = deploy_night(client, new_pool(), None)
+    run = client.create_flow_run_from_deployment(deployment)
+    assert client.set_flow_run_state(run.id, Pending()).status.value == "ACCEPT"
+    with started(*engine_of(run.id, environ)) as process:
+        batch = in_the_middle(service)
+        kill_tree(process.pid)
+    return deployment, batch
+
+
 @pytest.mark.parametrize("place", [pytest.param("a process", marks=pytest.mark.endurance), "a container"])
 def test_the_next_night_finishes_the_dead_one(
     place: str, service: Service, environ: dict[str, str], tmp_path: Path
@@ -180,7 +205,7 @@ def test_the_next_night_finishes_the_dead_one(
     if in_container and subprocess.run([*CONTAINER, "true"], capture_output=True, check=False).returncode:
         pytest.skip("this user may make no namespaces of processes")
     with get_client(sync_client=True) as client:
-        deployment, _ = kill_a_night(client, new_pool(), service, environ, tmp_path)
+        deployment, _ = kill_a_flow_run(client, service, environ)
         before = ended_jobs(service)
         dead = record_folder(service)
         # Short, so that a container would end before the dead night is finished.
@@ -194,8 +219,7 @@ def test_the_next_night_finishes_the_dead_one(
             return client.set_flow_run_state(following.id, Pending()).status.value == "ACCEPT"
 
         wait_for(has_place, "the dead night to give back its place", 300)
-        command = [sys.executable, "-m", "prefect", "flow-run", "execute", str(following.id)]
-        mine = {**environ, **MINE, "PREFECT__FLOW_RUN_ID": str(following.id)}
+        command, mine = engine_of(following.id, environ)
         with started([*CONTAINER, *command] if in_container else command, mine, cwd=tmp_path) as executing:
             executing.wait(900)
         wait_for(lambda: (dead / "run.json").exists(), "the dead night's record", 0.0 if in_container else 300.0)
@@ -209,12 +233,12 @@ def test_the_next_night_finishes_the_dead_one(
 
 
 def test_a_job_worker_finishes_the_dead_night_whose_batch_it_works_for(
-    service: Service, environ: dict[str, str], tmp_path: Path
+    service: Service, environ: dict[str, str]
 ) -> None:
     from prefect.client.orchestration import get_client
 
     with get_client(sync_client=True) as client:
-        _, batch = kill_a_night(client, new_pool(), service, environ, tmp_path)
+        _, batch = kill_a_flow_run(client, service, environ)
     before = ended_jobs(service)
     command = [*ROBOMAKER, "work", batch]
     with started(command, {**environ, **MINE}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as working:
@@ -224,9 +248,8 @@ def test_a_job_worker_finishes_the_dead_night_whose_batch_it_works_for(
     assert [each.lost.program for each in record.interruptions if each.lost] == ["a run of a Prefect worker"]
 
 
-@pytest.mark.parametrize(
-    "finisher", [pytest.param("another Prefect worker", marks=pytest.mark.endurance), "robomaker serve"]
-)
+@pytest.mark.endurance  # below, one at a plain server is finished by a Prefect worker, and another by `robomaker serve`
+@pytest.mark.parametrize("finisher", ["another Prefect worker", "robomaker serve"])
 def test_a_night_whose_prefect_worker_is_killed_is_finished_by(
     finisher: str, service: Service, environ: dict[str, str], serve: Serve, tmp_path: Path
 ) -> None:
@@ -256,7 +279,11 @@ def test_a_night_whose_prefect_worker_is_killed_is_finished_by(
         assert state.type.value == "CRASHED"
         assert f"{record.run_id}, continued" in (state.message or "")
 
-    # History and report tell of one night with an interruption.
+    told_as_one_night(record, environ)
+
+
+def told_as_one_night(record: RunRecord, environ: dict[str, str]) -> None:
+    """History and report tell of one night with an interruption."""
     [interruption] = record.interruptions
     assert interruption.lost is not None
     assert interruption.lost.program == "a run of a Prefect worker"
@@ -294,9 +321,11 @@ def test_a_night_at_a_plain_prefect_server_is_named_and_then_finished_by_the_nex
                 wait_for(lambda: state_of(client, continued.id).is_final(), "Prefect to know of its end")
                 assert state_of(client, continued.id).is_completed()
             wait_for(lambda: state_of(client, first.id).is_crashed(), "the dead run to be closed")
+            assert f"{record.run_id}, continued" in state_of(client, first.id).message
     assert [each.lost.program for each in record.interruptions if each.lost] == ["a run of a Prefect worker"]
 
 
+@pytest.mark.endurance  # test_ownership.py has it with the command that `robomaker doctor` tells
 def test_a_killed_run_whose_batch_a_person_performs_has_a_record(
     service: Service, environ: dict[str, str], tmp_path: Path
 ) -> None:
@@ -373,4 +402,4 @@ def test_a_prefect_worker_without_its_server_ends_in_time_and_its_night_is_finis
     with serve(**environ, **MINE) as served:
         served.wait_until_ready()
         record = check_finished(service, before)
-    assert [each.lost.program for each in record.interruptions if each.lost] == ["a run of a Prefect worker"]
+    told_as_one_night(record, environ)

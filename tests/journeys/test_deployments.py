@@ -221,7 +221,7 @@ def test_canaries_go_first_and_the_others_wait_for_a_person(
         wait_for(lambda: shown_in_prefect("AwaitingApproval") == 0, "the end in Prefect", PATIENCE_S)
 
 
-@pytest.mark.deep
+@pytest.mark.endurance  # tests/tasks/fleet/control/test_rollbacks.py
 def test_robots_get_the_earlier_version_when_too_many_fail(
     served: Served, fleets: Fleets, make_fleet: MakeFleet, service: Service
 ) -> None:

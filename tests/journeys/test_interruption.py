@@ -166,7 +166,7 @@ def limits(batch: Resource) -> list[str]:
     return [limit.name for limit in found if batch.id in limit.name]
 
 
-@pytest.mark.deep
+@pytest.mark.endurance  # test_dead_nights.py kills in the middle of a batch, and sees what is done twice, too
 def test_a_killed_worker_batch_is_carried_on(service: Service, order: Order, environ: dict[str, str]) -> None:
     requests = [order({"DURATION_S": duration}) for duration in ("0.1", "2.5", "0.1")]
     batch = call("StartSimulationJobBatch", batch_of(*requests, at_once=1), service)

@@ -2,6 +2,7 @@
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -9,12 +10,24 @@ from pathlib import Path
 import pytest
 from helpers.paths import REPOSITORY
 
+from prefect_robomaker.deployments.cli.grammar import build_parser
 from prefect_robomaker.tasks.service.service import Service
 
 PAGE = (REPOSITORY / "docs" / "fleet" / "moving-fleets.md").read_text()
 
 
-@pytest.mark.deep
+def test_each_command_is_understood() -> None:
+    """The command line's own grammar takes them as they stand, before the shell puts values in."""
+    lines = "".join(re.findall(r"^```bash\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)).splitlines()
+    typed = [shlex.split(line.partition("robomaker ")[2].removesuffix(" | arn)")) for line in lines]
+    commands = [words[: words.index(">")] if ">" in words else words for words in typed if words]
+
+    assert len(commands) >= 5
+    for words in commands:
+        build_parser().parse_args(words)
+
+
+@pytest.mark.endurance  # test_fleet_tutorial.py types the same commands, and robots enrol by the tokens
 def test_a_list_of_robots_becomes_a_fleet_whose_robots_can_enrol(service: Service, tmp_path: Path) -> None:
     typed = "\n".join(re.findall(r"^```bash\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL))
     environ = {

@@ -198,3 +198,7 @@ def test_serve_leaves_what_needs_another_environment_and_the_command_that_is_tol
 
     assert done.returncode == 0, done.stdout + done.stderr
     assert service.catalog.count_children(batch, "simulation-job") == {"Completed": 3}
+    [path] = (service.settings.home / "runs").glob("*/run.json")
+    record = RunRecord.model_validate_json(path.read_text())
+    assert (record.state, [step.status for step in record.steps]) == ("succeeded", ["Completed"] * 3), record.steps
+    assert [each.lost.program for each in record.interruptions if each.lost] == ["robomaker run"]

@@ -83,7 +83,7 @@ def test_what_passed_the_night_is_deployed_and_what_failed_is_not(yard: Yard, ni
     assert check.jobs == [each["arn"].rpartition("/")[2] for each in passed["createdRequests"]]
 
 
-@pytest.mark.deep
+@pytest.mark.endurance  # tests/tasks/fleet/runs/test_required_batches.py waits, by tag, too; above, nights really run
 def test_a_deployment_over_http_waits_for_its_night_and_then_goes(
     serve: Serve, swing: Simulate, service: Service, prefect_server: str
 ) -> None:

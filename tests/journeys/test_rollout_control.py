@@ -65,7 +65,7 @@ def waits(served: Served, job: str) -> list[str]:
     return [wait["cause"] for wait in described(served, job).get("waitsFor", [])]
 
 
-@pytest.mark.deep
+@pytest.mark.endurance  # tests/tasks/fleet: control/test_controlled_runs.py pauses what died, runs/ goes on with it
 def test_a_pause_outlives_worker_and_server(
     serve: Serve, fleets: Fleets, make_fleet: MakeFleet, service: Service, prefect_server: str
 ) -> None:

@@ -315,7 +315,7 @@ def test_an_unchanged_client_has_its_node_driven_over_http(
     assert result.extra["ros"]["time"] == "paced"
 
 
-_NOT_IN_IMAGES = ("/include/", "/cmake/", "/tests/", "/__pycache__/", "/setuptools/", "/numpy/f2py/", "/tools/")
+_NOT_IN_IMAGES = ("/include/", "/cmake/", "/tests/", "/setuptools/", "/numpy/f2py/", "/tools/")
 
 
 def add_image(engine: RealEngine, folder: Path, environment: Path) -> str:

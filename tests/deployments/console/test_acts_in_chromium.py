@@ -134,7 +134,9 @@ def test_worlds_and_runs_are_started_and_failed_jobs_run_again(
     assert "Traceback" not in served.log.read_text()
 
 
-def test_a_value_can_be_typed_while_the_text_is_checked(serve: Serve, chromium: Browser, axe: str) -> None:
+def test_a_value_can_be_typed_while_the_text_is_checked(
+    serve: Serve, chromium: Browser, axe: str, prefect_server: str
+) -> None:
     text = {
         "version": 1,
         "name": "flats",
@@ -150,7 +152,7 @@ def test_a_value_can_be_typed_while_the_text_is_checked(serve: Serve, chromium: 
             }
         },
     }
-    with serve() as served, chromium.page() as page:
+    with serve(PREFECT_API_URL=prefect_server) as served, chromium.page() as page:
         served.wait_until_ready()
         look_at(page, axe, f"{served.url}/console/runs/new")
         fill(page, "#spec-text", json.dumps(text))

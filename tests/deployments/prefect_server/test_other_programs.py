@@ -3,26 +3,17 @@
 import io
 import os
 import shlex
-import subprocess
-import sys
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from unittest import mock
 
 import pytest
-from helpers.paths import REPOSITORY
 from helpers.prefect_server import server_settings
 from helpers.processes import alive
 
 from prefect_robomaker.deployments.cli.main import main
 from prefect_robomaker.deployments.prefect_server.local_server import server_status
 from prefect_robomaker.deployments.prefect_server.secret import auth_string
-
-
-def run(environ: dict[str, str], *command: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        command, env=environ, cwd=REPOSITORY, capture_output=True, text=True, check=False, timeout=290
-    )
 
 
 def robomaker(environ: dict[str, str], *words: str) -> tuple[int, str, str]:
@@ -61,24 +52,19 @@ def test_env_prints_what_other_programs_need(environ: dict[str, str], prefect_se
     assert robomaker({**environ, **elsewhere}, "server", "env")[0] == 2
 
 
-@pytest.mark.deep
-def test_prefects_command_uses_the_server_with_what_env_prints_and_not_without(environ: dict[str, str]) -> None:
-    known = {**environ, **exported(environ)}
-    stranger = {**environ, "PREFECT_API_URL": known["PREFECT_API_URL"]}
-    create = [sys.executable, "-m", "prefect", "work-pool", "create", "--type", "process"]
-    refused = run(stranger, *create, "of-a-stranger")
-    assert refused.returncode != 0
-    assert "401" in refused.stdout + refused.stderr
+def test_nothing_is_made_without_the_secret(environ: dict[str, str]) -> None:
+    """Prefect's command with what `env` prints makes a pool in tests/deployments/test_scheduled_runs.py."""
+    from prefect.client.orchestration import SyncPrefectClient, get_client
+    from prefect.client.schemas.actions import WorkPoolCreate
+    from prefect.exceptions import PrefectHTTPStatusError
 
-    made = run(known, *create, "robomaker-env")
-
-    assert made.returncode == 0, made.stdout + made.stderr
-    from prefect.client.orchestration import get_client
+    pool = WorkPoolCreate(name="of-a-stranger", type="process")
+    url = exported(environ)["PREFECT_API_URL"]
+    with SyncPrefectClient(url) as stranger, pytest.raises(PrefectHTTPStatusError, match="401"):
+        stranger.create_work_pool(pool)
 
     with get_client(sync_client=True) as client:
-        pools = {pool.name for pool in client.read_work_pools()}
-    assert "robomaker-env" in pools
-    assert "of-a-stranger" not in pools
+        assert pool.name not in {pool.name for pool in client.read_work_pools()}
 
 
 def test_the_secret_is_in_no_command_line_and_in_no_log(environ: dict[str, str]) -> None:

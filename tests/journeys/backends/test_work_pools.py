@@ -124,7 +124,7 @@ def test_jobs_of_job_workers_that_are_cancelled_killed_or_orphaned_run_elsewhere
     assert [state for state in ended.values() if state.is_completed()], "a later one on the third machine"
 
 
-@pytest.mark.deep
+@pytest.mark.endurance  # tests/tasks/backends/test_work_pools.py follows who comes, and cancels
 def test_a_machine_that_comes_later_takes_jobs_and_a_batch_that_is_cancelled_ends_all(
     service: Service, order: Order, pool: Pool
 ) -> None:
@@ -144,7 +144,7 @@ def test_a_machine_that_comes_later_takes_jobs_and_a_batch_that_is_cancelled_end
             assert not working_below(first.home) | working_below(second.home)
 
 
-@pytest.mark.deep
+@pytest.mark.endurance  # tests/flows/test_pool_job_workers.py has its state, test_work_pools.py of tasks the end
 def test_a_machine_with_another_catalog_is_told_from_the_batch(
     service: Service, order: Order, pool: Pool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -161,7 +161,7 @@ def test_a_machine_with_another_catalog_is_told_from_the_batch(
     assert {run.state.name for run in runs} == {"Misconfigured"}
 
 
-@pytest.mark.deep
+@pytest.mark.endurance  # test_a_laptop_becomes_two.py has the setting, which `Service.open` reads for all
 def test_a_batch_that_an_sdk_asks_for_runs_on_the_pool_by_its_setting(
     service: Service, order: Order, pool: Pool, serve: Serve
 ) -> None:

@@ -1,14 +1,17 @@
 """What tests of states ask of Prefect's server."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 from uuid import UUID
 
 import pytest
 from helpers.prefect_server import provide_tables
 from helpers.processes import wait_for
+from helpers.tcp_proxy import TcpProxy
 
 from prefect_robomaker.deployments.prefect_server.local_server import ensure_server, server_status, stop_server
 from prefect_robomaker.deployments.prefect_server.secret import auth_string, server_folder
@@ -57,6 +60,17 @@ def state_of(prefect_server: str) -> Callable[..., Any]:
             return wait_for(look, f"the end of {run}", timeout_s)
 
     return ended
+
+
+@pytest.fixture
+def cable(prefect_server: str) -> Iterator[TcpProxy]:
+    """What is between a test and the Prefect server: whoever goes through it sees a server that is silent, or dead."""
+    port = urlsplit(prefect_server).port
+    assert port is not None
+    proxy = TcpProxy(port)
+    yield proxy
+    with suppress(RuntimeError):  # a test may have closed it
+        proxy.close()
 
 
 @pytest.fixture

@@ -164,6 +164,7 @@ def name_of(run: Any) -> str | None:
     return state.name if state else None
 
 
+@pytest.mark.endurance  # the server's automation, which does not know programs: above, it closes two runs
 def test_a_run_of_serve_is_closed_though_no_job_worker_takes_it_up_again(
     service: Service, order: Order, environ: dict[str, str], serve: Serve, flow_run: Any, state_of: Any
 ) -> None:
@@ -220,6 +221,7 @@ def cancel(run: Any, environ: dict[str, str]) -> None:
     assert told.returncode == 0, told.stdout + told.stderr
 
 
+@pytest.mark.endurance  # backends/test_work_pools.py kills a Prefect worker alone, too, and sees orphan and state
 def test_a_flow_process_ends_when_its_prefect_worker_was_killed(
     service: Service, order: Order, environ: dict[str, str], tmp_path: Path, state_of: Any
 ) -> None:

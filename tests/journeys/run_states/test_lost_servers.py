@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from helpers.prefect_server import provide_tables
 from helpers.processes import started, wait_for, working_below
+from helpers.tcp_proxy import TcpProxy
 
 from prefect_robomaker.deployments.prefect_server.local_server import ensure_server, stop_server
 from prefect_robomaker.deployments.prefect_server.outage import DEAD_PATIENCE_S
@@ -27,32 +28,32 @@ PIPES = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
 
 
 def run_without(
-    number: signal.Signals, service: Service, spec: Callable[..., Path], order: Order, own: Any, limit_s: float
+    lose: Callable[[], None], url: str, service: Service, spec: Callable[..., Path], order: Order, limit_s: float
 ) -> tuple[RunRecord, str, str]:
-    """Runs a batch whose server gets a signal while its simulations run; returns the record and what was said."""
-    variables, pid = own
+    """Runs a batch whose server is lost while its simulations run; returns the record and what was said."""
     batch = {
         "createSimulationJobRequests": [order({"DURATION_S": "8"}) for _ in range(3)],
         "batchPolicy": {"maxConcurrency": 2},
     }
     path = spec({"drive": {"operation": "StartSimulationJobBatch", "input": batch}})
-    environ = {**variables, "ROBOMAKER_HOME": str(service.settings.home), "CI": "true"}
+    environ = {"PREFECT_API_URL": url, "ROBOMAKER_HOME": str(service.settings.home), "CI": "true"}
     with started([*ROBOMAKER, "run", str(path), "-o", "json"], environ, **PIPES) as robomaker:
         wait_for(lambda: len(working_below(service.settings.home / "jobs")) >= 2, "the simulations")
-        os.killpg(pid, number)
+        lose()
         out, err = robomaker.communicate(timeout=limit_s)
     assert robomaker.returncode == 0, err
     assert "Traceback" not in err
     assert "Error logging" not in err
-    return RunRecord.model_validate_json(out), err, f"the Prefect server at {variables['PREFECT_API_URL']}"
+    return RunRecord.model_validate_json(out), err, f"the Prefect server at {url}"
 
 
 @pytest.mark.endurance
 def test_a_killed_server_is_waited_for_once_and_the_run_ends_with_its_report(
-    service: Service, order: Order, spec: Callable[..., Path], own_server: Any
+    service: Service, order: Order, spec: Callable[..., Path], cable: TcpProxy
 ) -> None:
     # Before there was one place that waits, this took six minutes.
-    record, err, server = run_without(signal.SIGKILL, service, spec, order, own_server, limit_s=200)
+    url = f"http://127.0.0.1:{cable.port}/api"
+    record, err, server = run_without(cable.close, url, service, spec, order, limit_s=200)
 
     assert record.state == "succeeded"
     assert [job.status for job in record.jobs] == ["Completed"] * 3
@@ -65,12 +66,10 @@ def test_a_killed_server_is_waited_for_once_and_the_run_ends_with_its_report(
 
 
 def test_a_silent_server_is_waited_for_once_and_the_run_ends_with_its_report(
-    service: Service, order: Order, spec: Callable[..., Path], own_server: Any
+    service: Service, order: Order, spec: Callable[..., Path], cable: TcpProxy
 ) -> None:
-    try:
-        record, err, server = run_without(signal.SIGSTOP, service, spec, order, own_server, limit_s=280)
-    finally:
-        os.killpg(own_server[1], signal.SIGCONT)
+    url = f"http://127.0.0.1:{cable.port}/api"
+    record, err, server = run_without(cable.silence, url, service, spec, order, limit_s=280)
 
     assert record.state == "succeeded"
     assert record.report_path is not None

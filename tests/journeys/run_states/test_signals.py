@@ -1,9 +1,9 @@
 """Signals, and servers that die: what commands say then, and what Prefect shows."""
 
 import json
-import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Callable
@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 from helpers.processes import started, wait_for, working_below
+from helpers.tcp_proxy import TcpProxy
 
 from prefect_robomaker.schemas.reports.run_record import RunRecord
 from prefect_robomaker.tasks.operations.registry import call
@@ -119,14 +120,13 @@ def test_sigterm_in_a_flow_of_a_user(
 
 
 def test_a_server_that_dies_under_a_call_costs_a_clear_message(
-    service: Service, order: Order, environ: Any, own_server: Any
+    service: Service, order: Order, environ: Any, cable: TcpProxy
 ) -> None:
-    variables, pid = own_server
-    variables = {**environ, **variables}
+    variables = {**environ, "PREFECT_API_URL": f"http://127.0.0.1:{cable.port}/api"}
     command = [*ROBOMAKER, "call", "CreateSimulationJob", "--wait", "--input", json.dumps(order({"DURATION_S": "15"}))]
     with started(command, variables, **PIPES) as robomaker:
         wait_for(lambda: working_below(service.settings.home), "the simulation")
-        os.killpg(pid, signal.SIGKILL)
+        cable.close()
         out, err = robomaker.communicate(timeout=200)
 
     # The job itself needs no server to come to its end.
@@ -139,20 +139,20 @@ def test_a_server_that_dies_under_a_call_costs_a_clear_message(
 
 
 def test_a_server_that_dies_before_a_job_runs_costs_a_message_with_the_command_that_goes_on(
-    service: Service, order: Order, own_server: Any, monkeypatch: pytest.MonkeyPatch
+    service: Service, order: Order
 ) -> None:
-    from prefect.settings import PREFECT_API_AUTH_STRING, PREFECT_API_URL, temporary_settings
+    from prefect.settings import PREFECT_API_URL, temporary_settings
 
     from prefect_robomaker.flows.lookup import PrefectServerLostError, perform
 
-    variables, pid = own_server
     job = call("CreateSimulationJob", order(), service)["arn"]
-    os.killpg(pid, signal.SIGKILL)
-    chosen: dict[Any, Any] = {
-        PREFECT_API_URL: variables["PREFECT_API_URL"],
-        PREFECT_API_AUTH_STRING: variables["PREFECT_API_AUTH_STRING"],
-    }
-    with temporary_settings(chosen), service.activated(), pytest.raises(PrefectServerLostError) as error:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        url = f"http://127.0.0.1:{server.getsockname()[1]}/api"  # of one that has died: nobody listens there any more
+    with (
+        temporary_settings({PREFECT_API_URL: url}),
+        service.activated(),
+        pytest.raises(PrefectServerLostError) as error,
+    ):
         perform("CreateSimulationJob", job)
 
     assert str(error.value).endswith(

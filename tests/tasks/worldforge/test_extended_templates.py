@@ -38,6 +38,12 @@ def kinds_in(world: World, room: str) -> set[str]:
 
 
 SWEEP = [3, pytest.param(8, marks=pytest.mark.deep), pytest.param(30, marks=pytest.mark.endurance)]
+OF_SIZES = [
+    *((size, 3) for size in ("small", "large")),
+    pytest.param("middle", 8, marks=pytest.mark.deep),
+    *(pytest.param(size, 30, marks=pytest.mark.endurance) for size in ("small", "middle", "large")),
+]
+"""Few worlds of the smallest and the largest rooms, more of those between; a sweep is for endurance runs."""
 
 
 @pytest.mark.parametrize("worlds", SWEEP)
@@ -47,7 +53,7 @@ def test_a_robot_enters_all_rooms_of_random_templates_of_small_rooms(worlds: int
 
 
 @pytest.mark.parametrize(
-    "worlds", [pytest.param(4, marks=pytest.mark.deep), pytest.param(15, marks=pytest.mark.endurance)]
+    "worlds", [pytest.param(2, marks=pytest.mark.deep), pytest.param(15, marks=pytest.mark.endurance)]
 )
 def test_a_robot_enters_all_rooms_of_random_templates_of_many_rooms(worlds: int) -> None:
     for number in range(worlds):
@@ -82,9 +88,9 @@ FLAT: list[Wished] = [
 WAYS = [("Hall", "Living"), ("Hall", "Bed"), ("Hall", "Bath"), ("Hall", "Closet"), ("Living", "Kitchen")]
 
 
-@pytest.mark.parametrize("worlds", SWEEP)
-@pytest.mark.parametrize("area", [4.0, pytest.param(5.0, marks=pytest.mark.deep), 8.0])
-def test_a_small_bathroom_has_a_toilet_a_basin_and_a_shower_or_says_why_not(area: float, worlds: int) -> None:
+@pytest.mark.parametrize(("size", "worlds"), OF_SIZES)
+def test_a_small_bathroom_has_a_toilet_a_basin_and_a_shower_or_says_why_not(size: str, worlds: int) -> None:
+    area = {"small": 4.0, "middle": 5.0, "large": 8.0}[size]
     rooms: list[Wished] = [(name, kind, area if name == "Bath" else size, ratio) for name, kind, size, ratio in FLAT]
     complete = 0
     for number in range(worlds):
@@ -104,13 +110,9 @@ def test_a_small_bathroom_has_a_toilet_a_basin_and_a_shower_or_says_why_not(area
     assert complete >= 0.6 * worlds
 
 
-@pytest.mark.parametrize("worlds", SWEEP)
-@pytest.mark.parametrize(
-    ("office", "storage"), [(6.0, 3.0), pytest.param(9.0, 4.0, marks=pytest.mark.deep), (16.0, 12.0)]
-)
-def test_an_office_has_desk_chair_and_shelves_and_a_storage_room_shelves(
-    office: float, storage: float, worlds: int
-) -> None:
+@pytest.mark.parametrize(("size", "worlds"), OF_SIZES)
+def test_an_office_has_desk_chair_and_shelves_and_a_storage_room_shelves(size: str, worlds: int) -> None:
+    office, storage = {"small": (6.0, 3.0), "middle": (9.0, 4.0), "large": (16.0, 12.0)}[size]
     rooms: list[Wished] = [*FLAT[:4], ("Office", "Office", office, 1.2), ("Store", "Storage", storage, 1.3)]
     ways = [("Hall", "Living"), ("Hall", "Bed"), ("Hall", "Office"), ("Living", "Kitchen"), ("Kitchen", "Store")]
     lit = complete = 0

@@ -93,7 +93,7 @@ def kill_often(folder: Path, seed: int, first: int, last: int) -> None:
 @pytest.mark.deep
 @pytest.mark.timeout(1800)
 def test_an_agent_killed_at_random_moments_installs_what_it_should(tmp_path: Path) -> None:
-    kill_often(tmp_path, seed=14, first=1, last=10)
+    kill_often(tmp_path, seed=14, first=1, last=6)
 
 
 @pytest.mark.endurance

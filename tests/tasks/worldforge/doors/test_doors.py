@@ -143,7 +143,7 @@ def everything_near_a_door_is_clear(world: World) -> None:
                 assert not inside, f"{item.id} stands where {door.id} swings"
 
 
-@examples(25, phases=UNSHRUNK)
+@examples(15, phases=UNSHRUNK)
 @given(body=bodies(), seed=st.integers(0, 2**32 - 1))
 def test_nearly_every_doorway_gets_a_door_that_closes_it(body: WorldTemplateBody, seed: int) -> None:
     plan = generate_floorplan(body, seed)

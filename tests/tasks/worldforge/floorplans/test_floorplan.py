@@ -135,7 +135,7 @@ class Raster:
         return cells
 
 
-@examples(60)
+@examples(30)
 @given(templates(), st.integers(0, 2**32 - 1))
 def test_every_plan_keeps_what_plans_promise(body: WorldTemplateBody, seed: int) -> None:
     plan = generate(body, seed)
