@@ -232,7 +232,7 @@ def _early_worlds(wanted: str, service: Service) -> list[Resource]:
 
 
 def _in_run(wanted: str, service: Service) -> list[Resource]:
-    """Returns the jobs that a text means by a run (id, its beginning, or `latest`), a slash, and a job's name or id.
+    """Returns the jobs that a text means: a run as in `runs_meant`, or `latest`, a slash, and a job's name or id.
 
     Raises:
         ConfigurationError: The beginning is that of several runs.
