@@ -1,5 +1,6 @@
 """compare --report and --axis: two sides as a page that opens without a server, and as text."""
 
+import itertools
 import re
 from pathlib import Path
 from typing import Any
@@ -126,6 +127,37 @@ def test_the_file_plays_videos_where_they_are_and_says_where_it_cannot(
         tab.load(f"{page.as_uri()}?again", 1280)
         tab.wait_for_text("The video of A cannot be played here.")
         assert "The video of B cannot be played here." not in tab.text
+
+
+@pytest.mark.deep
+@NEEDS_BROWSER
+@pytest.mark.parametrize("width", [400, 1280])
+def test_labels_of_the_rates_are_as_large_as_text_on_every_screen(
+    robomaker: Any, home: Path, tmp_path: Path, width: int
+) -> None:
+    """A drawing that is scaled to a telephone has labels that nobody can read."""
+    runs = [make_night(letters, night, runs=home / "runs") for night, letters in enumerate(("PPPPPPPP", "PPFFFFFF"))]
+    for run in runs:
+        store_night(run)
+    page = tmp_path / "compared.html"
+    robomaker("compare", runs[0].run_id, runs[1].run_id, "--report", page)
+    texts = "[...document.querySelectorAll('.chart text, .rate-names span')]"
+    size_px = "parseFloat(getComputedStyle(each).fontSize) * (each.getScreenCTM ? each.getScreenCTM().a : 1)"
+    with browsing(tmp_path / "profile") as browser, browser.page() as tab:
+        tab.load(page.as_uri(), width)
+        sizes = tab.evaluate(f"{texts}.map((each) => {size_px})")
+        boxes = tab.evaluate(f"{texts}.map((each) => each.getBoundingClientRect().toJSON())")
+        assert len(sizes) == 7  # before, after, and 0 to 100 %
+        assert min(sizes) >= 11
+        assert tab.evaluate("document.querySelector('.chart.compared').getBoundingClientRect().height") >= 80
+        assert all(box["left"] >= 0 and box["right"] <= width for box in boxes)
+        assert not any(_overlap(one, other) for one, other in itertools.combinations(boxes, 2))
+        assert tab.evaluate("document.documentElement.scrollWidth") <= width
+
+
+def _overlap(one: dict[str, float], other: dict[str, float]) -> bool:
+    across = one["left"] < other["right"] and other["left"] < one["right"]
+    return across and one["top"] < other["bottom"] and other["top"] < one["bottom"]
 
 
 def test_worlds_of_an_axis_are_named_as_in_the_report_and_have_its_answer(robomaker: Any, home: Path) -> None:
