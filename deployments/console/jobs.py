@@ -13,6 +13,7 @@ from starlette.responses import Response
 from ...schemas.documents.simulation_jobs import JobInBrief, SimulationJobDocument
 from ...schemas.documents.worlds import StoredPlace
 from ...schemas.lifecycles import is_terminal
+from ...schemas.runs.provenance import PROVENANCE_FILE
 from ...schemas.wire.common import without_escapes
 from ...schemas.wire.globs import Glob
 from ...tasks.catalog import Resource
@@ -88,6 +89,7 @@ def show(visit: Visit) -> Response:
         standing=standing_of(job, visit.service),
         document=document,
         has_ended=has_ended,
+        has_run=PROVENANCE_FILE in files or (document.outputs is None and document.run_id is not None),
         view=view,
         card=card,
         world=world,

@@ -157,7 +157,6 @@ def test_chance_that_no_seed_repeats_shows_in_its_trial(service: Service, swing:
 def test_what_is_no_trial_is_said(service: Service, swing: Simulate) -> None:
     job, alone = swing(job={"trials": {"seeds": 2}}, TIME_LIMIT_S="0.1"), swing(TIME_LIMIT_S="0.1")
     for reference, trial, said in (
-        (job, None, "has 2 trials; name one with --trial, from 0 to 1"),
         (job, 2, "--trial 2: there is no trial 2; the trials are 0 to 1"),
         (alone, 0, "has no trials; leave --trial out"),
     ):
