@@ -149,13 +149,20 @@ def send(visit: Visit) -> Response:
 
 
 def _logs(place: StoredPlace | None, files: dict[str, int], timeline: JobTimeline, visit: Visit) -> list[Log]:
-    """Returns the ends of a job's logs; a recorded trial has none of its own, so that no line has a time then."""
+    """Returns the ends of the logs of a job, or of the recorded trial that the time line shows."""
     if place is None:
         return []
-    names = [name for name, size in files.items() if name.startswith("logs/") and size][:_MOST_LOGS]
-    times = {} if timeline.folder else timeline.logs
+    of_trial = [name for name in files if name.startswith(f"{timeline.folder}logs/")]
+    folder = timeline.folder if of_trial else ""  # one that an earlier version recorded has none of its own
+    times = timeline.logs if folder == timeline.folder else {}
+    names = [name for name, size in files.items() if name.startswith(f"{folder}logs/") and size][:_MOST_LOGS]
     return [
-        Log(name, lines_of(tail_of(place, name, visit.service, _MOST_LOG_BYTES), files[name], times.get(name)))
+        Log(
+            name,
+            lines_of(
+                tail_of(place, name, visit.service, _MOST_LOG_BYTES), files[name], times.get(name.removeprefix(folder))
+            ),
+        )
         for name in names
     ]
 

@@ -22,7 +22,7 @@ from ..episode.loading import LoadError
 from ..episode.physics import raw_physics
 from ..episode.progress import Phase, Progress, RunStopped, Stop
 from ..episode.run_results import Episode, Observer, make_result
-from ..limits.logs import add_note
+from ..limits.logs import add_note, own_logs
 from ..recording.recording import Recorder
 from ..requirements.observer import RequirementsObserver
 from ..states.checkpoint_files import TrialCheckpoints
@@ -336,6 +336,7 @@ def _record_some(run: RunRequest, trials: Trials, tally: Tally, stop: Stop) -> N
 def _record(run: RunRequest, plan: RunPlan, stop: Stop) -> None:
     """Runs one trial again as a separate recorded run; another failure of it does not fail the job."""
     try:
-        attempt(run.model_copy(update={"plan": plan}), Progress(), stop)
+        with own_logs(plan.output_dir):
+            attempt(run.model_copy(update={"plan": plan}), Progress(), stop)
     except Exception as error:
         add_note(run.plan.output_dir, f"robomaker: trial {plan.trial} was recorded until it broke: {error}")

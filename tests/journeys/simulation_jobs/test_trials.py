@@ -24,6 +24,7 @@ from prefect_robomaker.tasks.inspection.replays import reproduce_run, verify_run
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.operations.simulation_jobs import perform_simulation_job
+from prefect_robomaker.tasks.runtime.episode.run_timeline import read_timeline
 from prefect_robomaker.tasks.service.service import Progress, Service, Timing
 
 Simulate = Callable[..., dict[str, Any]]
@@ -72,6 +73,18 @@ def test_some_trials_fail_and_the_job_says_which(service: Service, swing: Simula
         assert (again.state_digest, again.verdict) == (rows[number]["state_digest"], rows[number]["verdict"])
         assert (folder / f"trials/{number:06d}/recording.mcap").stat().st_size > 1000
     assert not (folder / "recording.mcap").exists()
+
+
+def test_each_trial_says_what_it_says_once_and_a_recorded_one_in_logs_of_its_own(
+    service: Service, swing: Simulate
+) -> None:
+    job = swing(job={"trials": {"seeds": 2, "record": [1]}}, TIME_LIMIT_S="0.2")
+    folder = outputs_of(service, job)
+    said = [(folder / name / "logs/stderr.log").read_text().count("squeaks") for name in ("", "trials/000001")]
+    assert said == [2, 1]
+    recorded = read_timeline((folder / "trials/000001/timeline.json").read_bytes())
+    assert recorded is not None
+    assert {each.name for each in recorded.logs} == {"logs/stdout.log", "logs/stderr.log"}
 
 
 def test_a_stop_while_trials_are_recorded_is_said_in_the_log(service: Service, swing: Simulate) -> None:
