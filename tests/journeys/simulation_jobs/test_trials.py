@@ -63,6 +63,9 @@ def test_some_trials_fail_and_the_job_says_which(service: Service, swing: Simula
     assert result.reason == f"trials: {len(failing)} of 8 trials did not pass: {named}"
     assert result.metrics["pass_rate"] == (8 - len(failing)) / 8
     assert service.catalog.get(job["arn"]).document["verdict"] == "FAIL"
+    trials = {"passed": 8 - len(failing), "failed": len(failing), "errors": 0}
+    told = {"verdict": "FAIL", "reason": result.reason, "trials": trials}
+    assert call("DescribeSimulationJob", {"job": job["arn"]}, service)["verdict"] == told
     # Recorded are those that were asked for, and the first that failed.
     folder = outputs_of(service, job)
     recorded = sorted(int(path.name) for path in (folder / "trials").iterdir())
