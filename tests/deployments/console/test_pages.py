@@ -16,6 +16,7 @@ from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
 from prefect_robomaker.schemas.reports.against import AgainstAnswer
 from prefect_robomaker.schemas.reports.challenge import Challenge, ChallengedJob, SabotageResult
 from prefect_robomaker.schemas.reports.names import name_label
+from prefect_robomaker.schemas.reports.run_record import RerunOf
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.causes.stored import write_why
@@ -94,6 +95,21 @@ def test_a_batch_shows_which_jobs_only_draw_or_store_and_where_the_time_went(
     assert looks == ["running", "running", "drawing", "storing"]  # the batch, then its jobs
     assert "1 of 4 jobs ended" in page
     assert f"Where the time went: {words}" in browser.get(f"/console/jobs/{shown}").text
+
+
+def test_a_run_is_compared_with_nights_of_its_specification_only(browser: Any, service: Service) -> None:
+    runs = service.settings.home / "runs"
+    first, shown, last = (make_night("PF", night, runs=runs) for night in (0, 2, 6))
+    rerun = make_night("P", 1, runs=runs).model_copy(
+        update={"rerun_of": RerunOf(run_id=first.run_id, selection="failed", jobs_total=2, earlier={})}
+    )
+    challenge = make_night("PF", 3, runs=runs).model_copy(update={"probe": True, "challenge": Challenge(sabotages=[])})
+    for record in (first, shown, last, rerun, challenge, make_night("P", 4, name="nightly-flats", runs=runs)):
+        store_night(record)
+
+    page = browser.get(f"/console/runs/{shown.run_id}").text
+
+    assert re.findall(r'<option value="([^"]*)"( selected)?>', page) == [(last.run_id, ""), (first.run_id, " selected")]
 
 
 def test_a_job_that_never_ran_prints_no_command_that_repeats_it(browser: Any, store_job: StoreJob) -> None:

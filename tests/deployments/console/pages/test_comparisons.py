@@ -161,7 +161,7 @@ def test_the_page_of_a_run_leads_to_others_and_to_its_axes(browser: Any, service
     [link] = re.findall(r'href="(/console/compare/cells[^"]+)">rover<', page)
     cells = html.unescape(browser.get(link).text)
 
-    assert offered == [(first, " selected"), (last, "")]
+    assert offered == [(last, ""), (first, " selected")]
     assert f'<input type="hidden" name="after" value="{middle}">' in page
     assert "robot scout" in cells
     assert "the run's report says whether" in cells
