@@ -86,8 +86,9 @@ def _others(record: RunRecord, visit: Visit) -> list[str]:
 
 def _run_before(record: RunRecord, others: Sequence[str], since: SinceLastRun | None) -> str:
     """Returns the id of the run that is compared with first; empty: all others are newer."""
-    if since is not None and since.previous_run_id in others:
-        return since.previous_run_id
+    previous = None if since is None else since.previous_run_id
+    if previous is not None and previous in others:
+        return previous
     return next((run_id for run_id in others if run_id < record.run_id), "")
 
 
