@@ -1,7 +1,11 @@
 """Pages that show two runs, or two cells of an axis of one run, side by side: of the console, and as a file."""
 
+import base64
+import shutil
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
+from urllib.parse import quote, unquote
 
 from ..schemas.reports.changes import ChangedInput
 from ..schemas.reports.comparison import Comparison
@@ -17,6 +21,8 @@ from ..tasks.service.service import Service
 
 MOST_CARDS = 60
 """Pairs that a file shows with plans and videos: with two paths of 600 points each it has about 2 MB then."""
+_MOST_EMBEDDED_BYTES, _MOST_EMBEDDED_TOGETHER_BYTES = 3_000_000, 24_000_000
+"""Size of a video up to which it is put into a file, and of all of them: with a third more as text, mail takes it."""
 _MOST_TOLD = 2
 """Parameters that a legend names; the head of the page has all differences."""
 
@@ -123,21 +129,54 @@ def compared_page(
     )
 
 
-def compared_file(sides: Sides, service: Service) -> ComparisonPage:
+def compared_file(sides: Sides, service: Service, path: Path) -> ComparisonPage:
     """Makes the values of a page that is a file: cards of the first pairs, and rows of the others.
+
+    Large videos are copied into a folder beside the file; it can be sent to somebody, with that folder if there is one.
 
     Args:
         sides: Both sides.
         service: Service that stores outputs and worlds.
+        path: Path of the file.
     """
     lines = [PairLine(name_of(pair.after).title, (pair.before, pair.after)) for pair in sides.pairs[MOST_CARDS:]]
-    return compared_page(sides, service, _local_link, lines=lines)
+    videos = _Videos(path)
+    page = compared_page(sides, service, videos.link, lines=lines)
+    return replace(page, video_folder=videos.folder.name if videos.has_copied else "")
 
 
-def _local_link(job: JobRecord, file: ReportedFile) -> str:
-    """Returns the URL of a video on this machine; one in another object store has none that a browser opens."""
-    del job
-    return file.uri if file.uri.startswith("file:///") else ""
+class _Videos:
+    """Videos of a page that is a file: small ones in it, others in a folder beside it.
+
+    Args:
+        page: Path of the file.
+    """
+
+    def __init__(self, page: Path) -> None:
+        self.folder = page.with_name(f"{page.stem}-videos")
+        self.has_copied = False
+        self._embedded_bytes = 0
+
+    def link(self, job: JobRecord, file: ReportedFile) -> str:
+        """Returns the URL of a video; one in another object store, or that is gone, has none."""
+        if not file.uri.startswith("file:///"):
+            return ""
+        video = Path(unquote(file.uri.removeprefix("file://")))
+        try:
+            size_bytes = video.stat().st_size
+            together = self._embedded_bytes + size_bytes
+            if size_bytes <= _MOST_EMBEDDED_BYTES and together <= _MOST_EMBEDDED_TOGETHER_BYTES:
+                self._embedded_bytes = together
+                return f"data:video/mp4;base64,{base64.b64encode(video.read_bytes()).decode()}"
+            return self._copied(video, f"{job.label}-{file.name}")
+        except OSError:
+            return ""
+
+    def _copied(self, video: Path, name: str) -> str:
+        self.folder.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(video, self.folder / name)
+        self.has_copied = True
+        return quote(f"{self.folder.name}/{name}")
 
 
 def _drive(job: JobRecord, service: Service, is_seen: Callable[[JobRecord], bool]) -> Drive:

@@ -62,7 +62,7 @@ def add_simulation(parser: argparse.ArgumentParser) -> None:
         "s3://BUCKET/PREFIX or a folder of outputs"
     )
     parser.add_argument("run", metavar="JOB", help=text)
-    trial = "number of the trial, of a job that has trials"
+    trial = "number of the trial, of a job that has trials (default: the first one that did not pass, else 0)"
     parser.add_argument("--trial", metavar="K", type=_trial_number, help=trial)
 
 

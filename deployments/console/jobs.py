@@ -13,6 +13,7 @@ from starlette.responses import Response
 from ...schemas.documents.simulation_jobs import JobInBrief, SimulationJobDocument
 from ...schemas.documents.worlds import StoredPlace
 from ...schemas.lifecycles import is_terminal
+from ...schemas.runs.provenance import PROVENANCE_FILE
 from ...schemas.wire.common import without_escapes
 from ...schemas.wire.globs import Glob
 from ...tasks.catalog import Resource
@@ -88,6 +89,7 @@ def show(visit: Visit) -> Response:
         standing=standing_of(job, visit.service),
         document=document,
         has_ended=has_ended,
+        has_run=PROVENANCE_FILE in files or (document.outputs is None and document.run_id is not None),
         view=view,
         card=card,
         world=world,
@@ -147,13 +149,20 @@ def send(visit: Visit) -> Response:
 
 
 def _logs(place: StoredPlace | None, files: dict[str, int], timeline: JobTimeline, visit: Visit) -> list[Log]:
-    """Returns the ends of a job's logs; a recorded trial has none of its own, so that no line has a time then."""
+    """Returns the ends of the logs of a job, or of the recorded trial that the time line shows."""
     if place is None:
         return []
-    names = [name for name, size in files.items() if name.startswith("logs/") and size][:_MOST_LOGS]
-    times = {} if timeline.folder else timeline.logs
+    of_trial = [name for name in files if name.startswith(f"{timeline.folder}logs/")]
+    folder = timeline.folder if of_trial else ""  # one that an earlier version recorded has none of its own
+    times = timeline.logs if folder == timeline.folder else {}
+    names = [name for name, size in files.items() if name.startswith(f"{folder}logs/") and size][:_MOST_LOGS]
     return [
-        Log(name, lines_of(tail_of(place, name, visit.service, _MOST_LOG_BYTES), files[name], times.get(name)))
+        Log(
+            name,
+            lines_of(
+                tail_of(place, name, visit.service, _MOST_LOG_BYTES), files[name], times.get(name.removeprefix(folder))
+            ),
+        )
         for name in names
     ]
 

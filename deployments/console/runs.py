@@ -1,7 +1,7 @@
 """Pages of finished runs of specifications, from the records in their folders."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from html import unescape
 from itertools import islice
@@ -17,7 +17,7 @@ from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException
 from ...tasks.causes.stored import read_why
 from ...tasks.comparison.compared_runs import NightRun
 from ...tasks.comparison.side_by_side import axes_of
-from ...tasks.inspection.run_records import RECORD_NAME, ids_of_runs, read_record, since_last
+from ...tasks.inspection.run_records import RECORD_NAME, ids_of_runs, is_night, read_record, since_last
 from ...tasks.reporting import classify, view_why
 from ..spec_runs.spec_runs import Standing, read_standing
 from .batches import batches_of_run
@@ -29,7 +29,8 @@ _MOST_SHOWN = 40
 _MOST_LOOKED_AT = 200
 """Number of the newest runs that are searched for those that a visitor may see."""
 
-_MOST_OTHERS = 100
+_MOST_OTHERS = 40
+"""Limit of the runs offered for a comparison, as the record of each is read; the page of the history has more."""
 _MOST_OTHERS_SEEN = 20
 """Limit of the runs offered to an access key with restricted resources, as each job of each run is looked up."""
 
@@ -53,6 +54,7 @@ def show(visit: Visit) -> Response:
         return visit.page("open_run.html.j2", run_id=run_id, batches=batches)
     record = find_record(visit)
     jobs = sorted(record.jobs, key=lambda job: classify(job.status, job.failure_code, job.verdict).rank)
+    others, since = _others(record, visit), since_before(record, visit)
     return visit.page(
         "run.html.j2",
         run=record,
@@ -61,24 +63,33 @@ def show(visit: Visit) -> Response:
         known=[job for job in jobs if job.known],
         outcome_of=lambda job: classify(job.status, job.failure_code, job.verdict),
         batches=batches,
-        since=since_before(record, visit),
+        since=since,
         why=view_why(read_why(_path(visit).parent)),
         job_links={job.label: f"{HOME}/jobs/{quote(job.arn.rpartition('/')[2])}" for job in record.jobs if job.arn},
         has_report=_path(visit).with_name("report.html").is_file(),
-        others=_others(record, visit),
+        others=others,
+        before=_run_before(record, others, since),
         axes=axes_of(record.jobs),
         most_values=_MOST_VALUES,
     )
 
 
 def _others(record: RunRecord, visit: Visit) -> list[str]:
-    """Returns the ids of other runs of the specification that the visitor may see, the run before first."""
+    """Returns the ids of other nights of the specification that the visitor may see, the newest first."""
     ids = ids_of_runs(visit.service.settings.home / "runs", record.name)
-    place = ids.index(record.run_id) if record.run_id in ids else -1
-    nearest = [*ids[place + 1 :], *reversed(ids[: max(place, 0)])]  # those before it, then those after it
-    if visit.sees_all:
-        return nearest[:_MOST_OTHERS]
-    return [run_id for run_id in nearest[:_MOST_OTHERS_SEEN] if is_known(run_id, visit)]
+    others = [run_id for run_id in ids if run_id != record.run_id]
+    if not visit.sees_all:
+        others = others[:_MOST_OTHERS_SEEN]
+    found = (other for run_id in others if (other := record_of(run_id, visit)) is not None)
+    return [other.run_id for other in islice(filter(is_night, found), _MOST_OTHERS)]
+
+
+def _run_before(record: RunRecord, others: Sequence[str], since: SinceLastRun | None) -> str:
+    """Returns the id of the run that is compared with first; empty: all others are newer."""
+    previous = None if since is None else since.previous_run_id
+    if previous is not None and previous in others:
+        return previous
+    return next((run_id for run_id in others if run_id < record.run_id), "")
 
 
 def since_before(record: RunRecord, visit: Visit) -> SinceLastRun | None:

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
 
-from ..runs.plan import Verdict
+from ..runs.plan import Judged, Verdict
 from ..runs.programs import Scarce
 from ..wire.base import optional
 from .document_base import Brief, Changes, Document, FailureChanges, Json, Part
@@ -27,6 +27,7 @@ class Outcome(Part):
     upload_s: float | None = optional("Wall-clock seconds for storing the outputs; absent: unknown.")
     verdict: Verdict | None = optional("Verdict of the run's result; absent: there is no result.")
     verdict_reason: str | None = optional("Reason of the verdict FAIL or ERROR, as text.")
+    judged: Judged | None = optional("Numbers behind the verdict; absent: there is none.")
     outputs: StoredPlace | None = optional("Place of its stored outputs; absent: they are not stored.")
 
     def changes(self) -> "SimulationJobProgress":
@@ -43,7 +44,7 @@ class Outcome(Part):
 
         The verdict is in `result.json` beside it.
         """
-        left_out: dict[str, None] = dict.fromkeys(("verdict", "verdict_reason", "video_s", "upload_s"))
+        left_out: dict[str, None] = dict.fromkeys(("verdict", "verdict_reason", "judged", "video_s", "upload_s"))
         return self.model_copy(update=left_out).to_json()
 
     def announced(self, *, finished: bool | None) -> "SimulationJobProgress":
@@ -60,7 +61,7 @@ class Outcome(Part):
 
 
 _OF_JOB = (
-    *("failure_code", "failure_reason", "verdict", "verdict_reason"),
+    *("failure_code", "failure_reason", "verdict", "verdict_reason", "judged"),
     *("simulation_time_millis", "cpu_time_s", "video_s", "upload_s", "outputs"),
 )
 
@@ -181,6 +182,7 @@ class SimulationJobProgress(FailureChanges):
     upload_s: float | None = optional("Wall-clock seconds for storing the outputs; absent: unknown, or not finished.")
     verdict: Verdict | None = optional("Verdict of the last run; absent: there is no result, or the run was canceled.")
     verdict_reason: str | None = optional("Reason of the verdict FAIL or ERROR, as text.")
+    judged: Judged | None = optional("Numbers behind the verdict; absent: none, or the job is of an earlier version.")
     outcome: Outcome | None = Field(
         default=None,
         validation_alias="ending",
@@ -223,6 +225,7 @@ class SimulationJobProgress(FailureChanges):
             failure_reason=None,
             verdict=None,
             verdict_reason=None,
+            judged=None,
             reached_s=0.0,
             trials_finished=None,
             simulated_at=None,

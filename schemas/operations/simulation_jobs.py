@@ -198,12 +198,35 @@ class CreateSimulationJobResponse(Shape):
     compute: ComputeResponse | None = optional("Limits on the job's use of the machine.")
 
 
+VerdictName = Annotated[Literal["PASS", "FAIL", "ERROR", "NONE"], ShapeName("Verdict")]
+
+
+class VerdictCounts(Shape):
+    """Numbers of requirements, or of trials, by how they were judged."""
+
+    passed: int | None = optional("Number of those that were met, or passed.")
+    failed: int | None = optional("Number of those that were missed, or failed.")
+    errors: int | None = optional("Number of those that could not be judged.")
+
+
+class JobVerdict(Shape):
+    """Verdict on the robot of a job, as in reports; the job's status says only that the run ended as it should."""
+
+    verdict: VerdictName | None = optional("PASS, FAIL, ERROR where something could not be judged, or NONE.")
+    reason: GenericString | None = optional("Why it is FAIL or ERROR, in words.")
+    requirements: VerdictCounts | None = optional("Its requirements that count; absent: it has trials.")
+    trials: VerdictCounts | None = optional("Its trials; absent: it has none.")
+
+
 class SimulationJob(CreateSimulationJobResponse):
     """Full description of one simulation job."""
 
     name: Name | None = optional("Its name: the last part of its ARN.")
     failureReason: GenericString | None = optional("Why it failed, in words.")
     networkInterface: NetworkInterface | None = optional("Its address, once it runs.")
+    verdict: JobVerdict | None = optional(
+        "Extension: what the robot did; absent: the job has not completed, or was not judged."
+    )
 
 
 class DescribeSimulationJobRequest(JobReference):

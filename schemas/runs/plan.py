@@ -182,6 +182,21 @@ class RunPlan(Model):
         return self.model_copy(update={**changes, "programs": programs})
 
 
+class JudgedCounts(Model):
+    """Numbers of requirements, or of trials, by how they were judged."""
+
+    passed: int = Field(default=0, description="Number of those that were met, or passed.")
+    failed: int = Field(default=0, description="Number of those that were missed, or failed.")
+    errors: int = Field(default=0, description="Number of those that could not be judged.")
+
+
+class Judged(Model):
+    """Numbers behind the verdict of a run: of its requirements, or where it has trials, of these."""
+
+    requirements: JudgedCounts | None = optional("Requirements that count; absent: the run has trials.")
+    trials: JudgedCounts | None = optional("Trials; absent: the run has none.")
+
+
 class RunOutcome(Model):
     """End of a simulation run: status, verdict, failure code and reason."""
 
@@ -196,6 +211,7 @@ class RunOutcome(Model):
     )
     verdict: Verdict | None = optional("Verdict of a completed run with a result.")
     verdict_reason: str | None = optional("Reason of the verdict FAIL or ERROR, as text.")
+    judged: Judged | None = optional("Numbers behind the verdict; absent: there is none.")
     timed_out: bool = Field(default=False, description="Whether the run ended at its duration limit.")
     finished: bool = Field(
         default=False,

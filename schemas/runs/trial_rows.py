@@ -4,6 +4,7 @@ The rows are stored as `trials.parquet` in the job's outputs, the summary in `ex
 recorded trial has an output folder of its own, like a job: `trials/000012`.
 """
 
+from collections import Counter
 from pathlib import PurePosixPath
 from typing import Literal
 
@@ -12,7 +13,7 @@ from pydantic import Field, ValidationError
 from ..wire.base import Model, optional
 from .axes import AxisSetting
 from .axis_kinds.kind import Value
-from .plan import ENVIRONMENT_VERDICT, Requirement, RunPlan, RunResult, Verdict
+from .plan import ENVIRONMENT_VERDICT, Judged, JudgedCounts, Requirement, RunPlan, RunResult, Verdict
 from .provenance import StateDigestSummary
 from .trials import Trial
 
@@ -136,6 +137,21 @@ class TrialsSummary(Model):
             return cls.model_validate(found)
         except ValidationError:  # an application's own remark of this name
             return None
+
+
+def judged_of(result: RunResult) -> Judged:
+    """Counts the requirements of a run by how they were judged, or where it has trials, these."""
+    if (summary := TrialsSummary.of(result)) is not None:
+        counts = summary.counts
+        return Judged(trials=JudgedCounts(passed=counts.passed, failed=counts.failed, errors=counts.errors))
+    found = Counter(_how_judged(each) for each in result.requirements if each.counts)
+    return Judged(requirements=JudgedCounts(**found))
+
+
+def _how_judged(requirement: Requirement) -> str:
+    if requirement.error is not None:
+        return "errors"
+    return "passed" if requirement.satisfied else "failed"
 
 
 def trial_folder(number: int) -> str:

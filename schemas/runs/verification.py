@@ -73,6 +73,7 @@ class Verification(Model):
 class ReproductionFolder(Model):
     """Folder with everything to repeat a run, which `robomaker repro` wrote."""
 
+    trial: int | None = optional("Number of the trial that it repeats; absent: the run has no trials.")
     folder: Path = Field(description="Folder with everything that the run needs, and its first outputs.")
     test: Path = Field(description="Path of the test that repeats the run.")
     video: Path | None = optional("Video of the rerun.")

@@ -15,7 +15,7 @@ from .compared_runs import NightRun
 from .difference_test import POWER, JudgedTrials, pairs_for
 from .margins import margin_power
 from .statistics.e_processes import fewest_worlds
-from .statistics.early_plans import pairs_until_decided, worlds_until_decided
+from .statistics.early_plans import pairs_until_decided, until_not_worse, worlds_until_decided
 from .statistics.mcnemar import mcnemar_power
 
 ASSUMED_SHARE = 0.2
@@ -142,7 +142,7 @@ def _until_decided(
     """Plans a run that is compared while it runs and stops as soon as the answer is decided.
 
     Args:
-        question: The question, with the difference to be shown.
+        question: The question, with the difference to be shown, or the fall to be ruled out.
         share: Share of pairs whose verdicts differ.
         fixed: Pairs that a test after the run's end needs, for the error's advice.
         of_worlds: Trials and worlds of one run, if whole worlds decide; None: single pairs do.
@@ -152,21 +152,27 @@ def _until_decided(
         which half of such runs are decided, and the assumptions as text.
 
     Raises:
-        ConfigurationError: Such a run seldom or never shows so small a difference among so many differing pairs.
+        ConfigurationError: Such a run seldom or never shows so small a share among so many differing pairs.
     """
-    discordant = max(share, question.share)
-    if of_worlds is not None:
-        each = of_worlds.trials / of_worlds.worlds
-        words = ["trials of one world are no more alike than others; where they are, it takes more worlds"]
+    is_margin = question.kind == "margin"
+    discordant = share if is_margin else max(share, question.share)
+    each = None if of_worlds is None else of_worlds.trials / of_worlds.worlds
+    if is_margin:
+        found = until_not_worse(question.share, discordant, each, question.alpha, POWER)
+    elif each is not None:
         found = worlds_until_decided(question.share, discordant, each, question.alpha, POWER)
-        if found is not None:
-            return round(found.needed * each), found.needed, round(found.median * each), words
-    elif (found := pairs_until_decided(question.share, discordant, question.alpha, POWER)) is not None:
+    else:
+        found = pairs_until_decided(question.share, discordant, question.alpha, POWER)
+    if found is not None and each is None:
         return found.needed, None, found.median, []
+    if found is not None and each is not None:
+        words = ["trials of one world are no more alike than others; where they are, it takes more worlds"]
+        return round(found.needed * each), found.needed, round(found.median * each), words
     points, percent = 100 * question.share, 100 * discordant
+    shown = f"that nothing got worse by {points:.3g} points" if is_margin else f"a difference of {points:.3g} points"
     raise ConfigurationError(
-        f"a run that stops when it is decided seldom shows a difference of {points:.3g} points where {percent:.3g}% of "
-        f"pairs differ, however long it is; leave --against out, and compare runs of {fixed} trials that have ended"
+        f"a run that stops when it is decided seldom shows {shown} where {percent:.3g}% of pairs differ, however long "
+        f"it is; leave --against out, and compare runs of {fixed} trials that have ended"
     )
 
 

@@ -16,7 +16,7 @@ from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.lifecycles import is_terminal
 from ...schemas.runs.plan import RunPlan
 from ...schemas.runs.provenance import PROVENANCE_FILE, Manifest
-from ...schemas.runs.trial_rows import TRIALS_FILE, TrialRow, plan_of_trial
+from ...schemas.runs.trial_rows import TRIALS_FILE, TrialRow, TrialsSummary, plan_of_trial
 from ...schemas.runs.trials import Trial
 from ...schemas.wire.errors import ConfigurationError, ObjectNotFoundError, StorageError
 from ..catalog import Resource
@@ -228,10 +228,10 @@ def found_trial(run: FoundRun, number: int | None) -> FoundRun:
 
     Args:
         run: Run that has the trial; records of the trial are written to a folder in the run's folder.
-        number: Number of the trial.
+        number: Number of the trial; None: the first one that did not pass, else the first one.
 
     Raises:
-        ConfigurationError: The run has no trials, or it has and none is named, or this one has not finished.
+        ConfigurationError: The run has no trials, or this one has not finished.
         StorageError: The table of trials cannot be read.
     """
     provenance = run.outputs.provenance
@@ -241,8 +241,7 @@ def found_trial(run: FoundRun, number: int | None) -> FoundRun:
             raise ConfigurationError(f"{plan.job_arn} has no trials; leave --trial out")
         return run
     if number is None:
-        last = plan.trials.count - 1
-        raise ConfigurationError(f"{plan.job_arn} has {last + 1} trials; name one with --trial, from 0 to {last}")
+        number = _first_not_passed(run)
     try:
         trial = plan.trials.trial(number, plan.seed)
     except IndexError as error:
@@ -263,6 +262,17 @@ def found_trial(run: FoundRun, number: int | None) -> FoundRun:
     if row is not None and row.ended_by is not None:
         (folder / RESULT_FILE).write_text(row.result().model_dump_json(indent=2) + "\n")
     return FoundRun(read_outputs(folder), folder, run.job, run.sha256_of, failure_code)
+
+
+def _first_not_passed(run: FoundRun) -> int:
+    """Returns the number of the trial that a user would look at first."""
+    summary = TrialsSummary.of(run.outputs.result)
+    if summary is None:
+        return 0
+    if summary.failing:
+        return summary.failing[0].trial
+    # A job that was only stopped has no failure, and the trial that it was stopped in no end to repeat.
+    return summary.stopped_in or 0 if run.failure_code is not None else 0
 
 
 def plan_of_found_trial(plan: RunPlan, found: RunPlan) -> RunPlan:

@@ -29,6 +29,7 @@ from ..comparison.compared_runs import TRIALS
 from ..reporting import Drive
 from ..results.columns import read_trials
 from ..results.table import RESULTS_FILE, ResultTable
+from ..runtime.episode.run_timeline import MAX_TIMELINE_BYTES, TIMELINE_FILE, read_timeline
 from ..service.service import Service
 from ..simulations.inputs.bundles import world_bundle
 from ..simulations.planning.job_contents import requirements_in
@@ -81,6 +82,7 @@ def drive_of(job: JobRecord, service: Service) -> Drive:
     return Drive(
         result=result,
         files=files,
+        films_begin_s=_films_begin_s(document.outputs, files, service),
         asked={str(each.get("name")): each for each in requirements_in(document.request) if is_mapping(each)},
         video_policy=str(
             document.request.get("video") or (document.request.get("tags") or {}).get(VIDEO_TAG) or "none"
@@ -89,6 +91,18 @@ def drive_of(job: JobRecord, service: Service) -> Drive:
         world_content=content,
         trouble=trouble,
     )
+
+
+def _films_begin_s(place: StoredPlace | None, files: Sequence[ReportedFile], service: Service) -> dict[str, float]:
+    """Returns the simulated time in seconds at which each video of a run begins, as its timeline says."""
+    sizes = {file.name: file.size_bytes for file in files}
+    if place is None or sizes.get(TIMELINE_FILE, MAX_TIMELINE_BYTES + 1) > MAX_TIMELINE_BYTES:
+        return {}
+    try:
+        recorded = read_timeline(service.store.get_bytes(place.bucket, join_key(place.prefix, TIMELINE_FILE)))
+    except StorageError:
+        return {}
+    return {name: times.begins_s for name, times in recorded.videos.items()}
 
 
 def digests_of(jobs: Sequence[JobRecord], service: Service) -> dict[str, str]:

@@ -42,7 +42,7 @@ def verify_run(
     Args:
         reference: ARN or id of a simulation job, `s3://bucket/prefix` or a folder of outputs.
         service: The service, with its catalog and object store.
-        trial: Number of the trial, if the job has trials.
+        trial: Number of the trial, if the job has trials; None: the first one that did not pass, else the first one.
         run_program: Whether a robot program is run again nevertheless.
 
     Raises:
@@ -68,7 +68,7 @@ def verify_run(
             return _verification(reference, first, [f"it cannot be run here: {error}"])
         if again.timeline is None:
             return _verification(reference, first, [f"its rerun came to no state: {outcome.failure_reason}"])
-        return _with_manifest(_compared(reference, first, again), whole.alterations(trial))
+        return _with_manifest(_compared(reference, first, again), whole.alterations(run.outputs.provenance.plan.trial))
 
 
 def _run_again(run: FoundRun, scratch: Path, service: Service, ros_domain: int) -> tuple[RunOutcome, RunOutputs]:
@@ -100,7 +100,7 @@ def reproduce_run(
         folder: Path of the new folder; it must not exist, or must not contain a reproduction.
         service: Service that stores the run.
         video: Whether the rerun gets a video.
-        trial: Number of the trial, if the job has trials.
+        trial: Number of the trial, if the job has trials; None: the first one that did not pass, else the first one.
 
     Raises:
         ConfigurationError: The reference names no run, or the folder is taken, or no rerun could repeat the run.
@@ -121,6 +121,7 @@ def reproduce_run(
     rerun = reproduction.rerun(reproduction.folder / "rerun", video, launcher())
     video_file = rerun.folder / "video.mp4"
     return ReproductionFolder(
+        trial=run.outputs.provenance.plan.trial,
         folder=reproduction.folder,
         test=test.resolve(),
         video=video_file if video_file.exists() else None,

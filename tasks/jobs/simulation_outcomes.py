@@ -37,7 +37,7 @@ def outcome_of(run: RunOutcome, stopped_because: StopReason | None) -> Outcome:
     outcome = Outcome(status=run.status)
     if run.status == "Completed" and run.verdict is not None:
         reason = shorten(run.verdict_reason) if run.verdict_reason else None
-        outcome = outcome.model_copy(update={"verdict": run.verdict, "verdict_reason": reason})
+        outcome = outcome.model_copy(update={"verdict": run.verdict, "verdict_reason": reason, "judged": run.judged})
     if run.failure_code:
         outcome = _with_failure(outcome, run.failure_code, run.failure_reason or "")
     elif run.status == "Canceled":

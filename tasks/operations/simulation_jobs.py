@@ -75,7 +75,7 @@ def create_simulation_job(request: CreateSimulationJobRequest, service: Service)
     service = service.with_blocks(read_credential_block)
     job = reuse_job(request, service, token=token) if service.reuses else None
     described = describe(job or store_job(request, service, token=token))
-    for member in ("name", "failureReason", "networkInterface"):
+    for member in ("name", "failureReason", "networkInterface", "verdict"):
         described.pop(member, None)
     return described
 
@@ -169,7 +169,17 @@ def describe(job: Resource) -> dict[str, Any]:
         "vpcConfig": request.get("vpcConfig"),
         "networkInterface": document.network_interface and document.network_interface.to_json(),
         "compute": _compute(request),
+        "verdict": _verdict(job.status, document),
     }
+
+
+def _verdict(status: str, document: SimulationJobDocument) -> dict[str, Any] | None:
+    """Makes the verdict of a job that has completed; what a run that was cut short was judged to be means nothing."""
+    if status != "Completed" or document.verdict is None:
+        return None
+    counts = {} if document.judged is None else document.judged.model_dump(exclude_none=True)
+    reason = {} if document.verdict_reason is None else {"reason": document.verdict_reason}
+    return {"verdict": document.verdict, **reason, **counts}
 
 
 def summary(job: Resource) -> dict[str, Any]:

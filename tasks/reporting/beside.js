@@ -27,7 +27,7 @@ function besideEachOther(card) {
   const [play, bar, told, speed] = ["button", "input", "output", "select"].map((each) => player.querySelector(each));
   const end_s = Number(card.dataset.end);
   const ways = Array.from(card.querySelectorAll(".way[data-times]"), (line) => readWay(line, card));
-  const films = Array.from(card.querySelectorAll("video"), (video) => ({ video, begins_s: Number(video.dataset.begins) }));
+  const films = Array.from(card.querySelectorAll("video[data-begins]"), (video) => ({ video, begins_s: Number(video.dataset.begins) }));
   let now_s = 0;
   let isPlaying = false;
   let last_ms = null;
@@ -107,12 +107,6 @@ function besideEachOther(card) {
   for (const film of films) {
     film.video.controls = false;
     film.video.muted = true;
-    const tellDead = () => {
-      film.video.hidden = true;
-      film.video.parentElement.querySelector(".note").hidden = false;
-    };
-    film.video.addEventListener("error", tellDead);
-    if (isDead(film)) tellDead();
     film.video.addEventListener("loadedmetadata", () => { setFilms(true); });
     for (const moved of ["seeked", "canplay"]) film.video.addEventListener(moved, () => setFilms(false));
   }
@@ -120,6 +114,14 @@ function besideEachOther(card) {
   show();
 }
 
+for (const video of document.querySelectorAll(".beside video")) {
+  const tellDead = () => {
+    video.hidden = true;
+    video.parentElement.querySelector(".note").hidden = false;
+  };
+  video.addEventListener("error", tellDead);
+  if (video.error !== null) tellDead();
+}
 for (const card of document.querySelectorAll(".beside")) {
   if (card.querySelector(".player")) besideEachOther(card);
 }

@@ -150,7 +150,7 @@ def _jobs(bad: list[JobCase], pages: ConsolePages) -> Iterator[str]:
         page = pages.job(job.arn)
         title = _code(job.title or job.test)
         name = f"[{title}]({page})" if page else title
-        again = _code(f"robomaker repro {job.name}") if job.arn else ""
+        again = _code(f"robomaker repro {job.name}") if job.arn and job.output else ""
         why = _code(job.reason or job.failure_code or "")
         known = f" (known, {_code(job.known)})" if job.known else ""
         yield f"| {name} | {job.outcome}{known} | {why} | {again} |"

@@ -72,7 +72,9 @@ def write_comparison(page: ComparisonPage, path: Path) -> Path:
         The path.
     """
     styles, scripts = ("history.css", "comparison.css"), ("beside.js",)
-    return write_page(render_page("comparison.html.j2", styles, page, scripts=scripts, media="file:"), path)
+    return write_page(
+        render_page("comparison.html.j2", styles, page, scripts=scripts, media="data: file: 'self'"), path
+    )
 
 
 def render_page(

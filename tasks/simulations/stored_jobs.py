@@ -78,6 +78,7 @@ def with_results_of(document: SimulationJobDocument, job: Resource) -> Simulatio
             "simulation_time_millis": earlier.simulation_time_millis,
             "verdict": earlier.verdict,
             "verdict_reason": earlier.verdict_reason,
+            "judged": earlier.judged,
             "finished": earlier.finished,
             "outputs": earlier.outputs,
             "made_of": earlier.made_of,

@@ -12,6 +12,7 @@ from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDoc
 from prefect_robomaker.schemas.documents.worlds import StoredPlace, WorldDocument
 from prefect_robomaker.schemas.reports.run_record import JobRecord, RunRecord
 from prefect_robomaker.schemas.runs.plan import Requirement, RunResult
+from prefect_robomaker.tasks.runtime.episode.run_timeline import FilmTimes, RunTimeline, write_timeline
 from prefect_robomaker.tasks.runtime.video.video import VideoWriter
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import publish
@@ -47,6 +48,7 @@ def drive(
     sway_m: float = 0.2,
     margin: float = 2.0,
     video: str = "",
+    begins_s: float | None = 0.0,
     states: str | None = None,
     **job: Any,
 ) -> JobRecord:
@@ -63,6 +65,7 @@ def drive(
         sway_m: How far it sways.
         margin: Margin of its requirement `gentle` in newtons; below 0 it is missed at half of the time.
         video: Name of its video; empty: none.
+        begins_s: Simulated time at which the video begins, in seconds; None: it is not recorded.
         states: Digest of all states that it went through.
         **job: Further members of `helpers.night_records.make_job`.
     """
@@ -80,7 +83,7 @@ def drive(
         wall_time_s=1.0, real_time_factor=end_s, ended_by="agent", seed=7,
         state_digest=states,
     )  # fmt: skip
-    place = _publish(service, folder / f"outputs-{night}-{index}-{letter}-{world is None}", result, video)
+    place = _publish(service, folder / f"outputs-{night}-{index}-{letter}-{world is None}", result, video, begins_s)
     config = {"application": "indoor-navigation", **({"worldConfigs": [{"world": world}]} if world else {})}
     document = SimulationJobDocument(
         request={"simulationApplications": [config], "requirements": [GOAL], "video": "on-failure"},
@@ -111,7 +114,7 @@ def two_runs(service: Service, before: Sequence[JobRecord], after: Sequence[JobR
     return records
 
 
-def _publish(service: Service, folder: Path, result: RunResult, video: str) -> StoredPlace:
+def _publish(service: Service, folder: Path, result: RunResult, video: str, begins_s: float | None) -> StoredPlace:
     folder.mkdir(parents=True)
     (folder / "result.json").write_text(result.model_dump_json())
     if video:
@@ -121,6 +124,9 @@ def _publish(service: Service, folder: Path, result: RunResult, video: str) -> S
             picture[:, : 2 + frame * 150 // round(result.sim_time_s * _RATE_HZ)] = (220, 160, 60)
             writer.add(picture)
         writer.close()
+        frames = round(result.sim_time_s * _RATE_HZ) + 1
+        times = {} if begins_s is None else {video: FilmTimes(begins_s=begins_s, rate_hz=_RATE_HZ, frames=frames)}
+        write_timeline(RunTimeline(videos=times), folder)
     service.store.ensure_bucket("out")
     publish(service.store, "out", folder.name, regular_files(folder), about={}, created_at=service.clock())
     return StoredPlace(bucket="out", prefix=folder.name)

@@ -50,6 +50,10 @@ POLICY = (
     "Extension: a Python callable or an ONNX file that drives the robot; the launch variable `ROBOMAKER_POLICY` says "
     "the same. See [Bring your policy](policies.md)."
 )
+VERDICT = (
+    "Extension: what the robot did in a job that is `Completed`, with the numbers of requirements or trials behind "
+    "it, as `result.json` says it. See [Verdicts](verdicts.md)."
+)
 PRIORITY = (
     "Extension: which of several batches goes first on a machine; the batch's tag `robomaker:priority` says the same. "
     "See [A machine that is shared](machines.md#a-machine-that-is-shared)."
@@ -68,6 +72,8 @@ LINE_BREAKS = "The pattern refuses nothing but line breaks, which real commands,
 
 _SEED_SHAPES = ("CreateSimulationJobRequest", "CreateWorldGenerationJobRequest", "SimulationJobRequest")
 _VIDEO_SHAPES = ("CreateSimulationJobRequest", "SimulationJobRequest")
+_DESCRIBED_SHAPES = ("DescribeSimulationJobResponse", "SimulationJob")
+_VERDICT_SHAPES = {"JobVerdict": "structure", "Verdict": "string", "VerdictCounts": "structure"}
 _REQUIREMENT_SHAPES = {
     "Angle": "float",
     "BodyName": "string",
@@ -200,6 +206,8 @@ DIFFERENCES: tuple[Difference, ...] = (
     *(Difference(member, shape, None, ROLLOUTS) for member, shape in {**_ROLLOUT_MEMBERS, **_ROLLOUT_SHAPES}.items()),
     *(Difference(f"{shape}.policy", "Policy", None, POLICY) for shape in _VIDEO_SHAPES),
     Difference("Policy", "string", None, POLICY),
+    *(Difference(f"{shape}.verdict", "JobVerdict", None, VERDICT) for shape in _DESCRIBED_SHAPES),
+    *(Difference(shape, kind, None, VERDICT) for shape, kind in _VERDICT_SHAPES.items()),
     Difference("BatchPolicy.priority", "BatchPriority", None, PRIORITY),
     Difference("BatchPriority", "integer", None, PRIORITY),
     Difference("DeploymentConfig.requiresBatch", "Arn", None, REQUIRES_BATCH),

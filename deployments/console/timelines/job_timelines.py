@@ -63,6 +63,13 @@ class JobTimeline:
     result: RunResult | None
     folder: str
     """Folder of the run's files within the job's outputs, with a slash; empty for the job itself."""
+    planned: int = 0
+    """Number of all trials; 0: the job has none."""
+
+    @property
+    def command(self) -> str:
+        """Options of `robomaker repro` that run a trial again of which nothing was recorded; empty: it was."""
+        return "" if self.trial is None or self.trial in self.trials else f"--trial {self.trial}"
 
     @property
     def first_violation(self) -> Mark | None:
@@ -87,15 +94,15 @@ def timeline_of(place: StoredPlace | None, files: Mapping[str, int], service: Se
         place: Place of the job's outputs; None: it has none.
         files: Names and sizes of the outputs.
         service: The service, with its object store.
-        trial: Number of the recorded trial to show, as text; empty, or one that was not recorded: the first one.
+        trial: Number of the trial to show, as text; empty, or no number of a trial: the first one that was recorded.
     """
     result = _result(place, RESULT_FILE, files, service)
     summary = TrialsSummary.of(result)
     trials = [] if summary is None else [each for each in summary.recorded if _has_any(files, trial_folder(each))]
-    if summary is not None and not trials:
-        told = "None of its trials was recorded, so there is no time line: `record` of `trials` names those that are."
-        return _none(told)
-    shown = None if summary is None else next((each for each in trials if str(each) == trial), trials[0])
+    asked = _number(trial, trials, 0 if summary is None else summary.planned)
+    if summary is not None and (not trials or (asked is not None and asked not in trials)):
+        return _not_recorded(asked, trials, summary.planned)
+    shown = None if summary is None else trials[0] if asked is None else asked
     folder = "" if shown is None else f"{trial_folder(shown)}/"
     if shown is not None:
         result = _result(place, folder + RESULT_FILE, files, service)
@@ -108,6 +115,7 @@ def timeline_of(place: StoredPlace | None, files: Mapping[str, int], service: Se
             trial=shown,
             trials=trials,
             folder=folder,
+            planned=0 if summary is None else summary.planned,
         )
     of_run = [name for name in VIDEOS if folder + name in files]
     videos = {name: times for name in of_run if (times := _in_step(name, recorded, result)) is not None}
@@ -122,6 +130,7 @@ def timeline_of(place: StoredPlace | None, files: Mapping[str, int], service: Se
         missing=[*_missing(folder, result, recorded), *_out_of_step(of_run, videos, recorded)],
         result=result,
         folder=folder,
+        planned=0 if summary is None else summary.planned,
     )
 
 
@@ -211,10 +220,11 @@ def _missing(folder: str, result: RunResult | None, recorded: RunTimeline | None
     if recorded is None:
         yield "There are no margins, and the log does not follow: the run wrote no timeline.json."
         return
-    if folder:
-        yield "The log does not follow: a recorded trial has none of its own."
-    elif not recorded.logs:
-        yield "The log does not follow: its times are not recorded."
+    if not recorded.logs:
+        none = (
+            "a trial that an earlier version recorded has none of its own" if folder else "its times are not recorded"
+        )
+        yield f"The log does not follow: {none}."
     if not recorded.margins:
         yield "There are no margins along the run."
 
@@ -248,6 +258,20 @@ def _timeline(place: StoredPlace | None, name: str, files: Mapping[str, int], se
 
 def _has_any(files: Mapping[str, Any], folder: str) -> bool:
     return any(PurePosixPath(name).is_relative_to(folder) for name in files)
+
+
+def _number(trial: str, trials: Sequence[int], planned: int) -> int | None:
+    """Reads the number of a trial from an address; `None`: it is none of them."""
+    is_number = trial.isascii() and trial.isdecimal() and len(trial) < 9  # no job has more trials
+    return int(trial) if is_number and (int(trial) in trials or int(trial) < planned) else None
+
+
+def _not_recorded(trial: int | None, trials: Sequence[int], planned: int) -> JobTimeline:
+    who = "None of its trials was recorded" if trial is None else f"Trial {trial} was not recorded"
+    why = "the first that do not pass are, and those that `record` of `trials` names"
+    none = _none(f"{who}, so there is no time line, video or plan: {why}.")
+    folder = "" if trial is None else f"{trial_folder(trial)}/"
+    return replace(none, trial=trial, trials=trials, planned=planned, folder=folder)
 
 
 def _none(why: str) -> JobTimeline:

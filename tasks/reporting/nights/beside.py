@@ -20,8 +20,6 @@ from ..outcomes import Outcome
 from ..worlds import read_world
 
 _WHOLE, _CLIP = "video.mp4", "last-10s.mp4"
-_CLIP_S = 10.0
-"""Length of `last-10s.mp4` in simulated seconds; of a shorter run it is all."""
 _TRIALS = "trials"
 
 VideoLink = Callable[[JobRecord, ReportedFile], str]
@@ -34,6 +32,8 @@ class Drive:
 
     result: RunResult | None = None
     files: Sequence[ReportedFile] = ()
+    films_begin_s: Mapping[str, float] = field(default_factory=dict)
+    """Simulated time in seconds of each video's first frame, by file name, as its `timeline.json` says."""
     asked: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """Requirements of its request, by name."""
     video_policy: str = "none"
@@ -63,7 +63,13 @@ class Film:
 
     link: str
     name: str
-    begins_s: float
+    begins_s: float | None
+    """Simulated time of its first frame, in seconds; `None`: it is not recorded, and the video does not follow."""
+
+    @property
+    def is_embedded(self) -> bool:
+        """Whether the page itself has the video."""
+        return self.link.startswith("data:")
 
 
 @dataclass(frozen=True)
@@ -179,12 +185,7 @@ class PairPainter:
             return None, drive.trouble or _why_no_video(drive, outcome)
         if not (link := self.video_link(job, files[name])):
             return None, f"Its video is not on this machine: {files[name].uri}"
-        begins_s = _begin_of(drive.result)
-        if name == _CLIP:
-            if drive.result is None:
-                return None, f"There is only {_CLIP}, and no result that says when it begins."
-            begins_s = max(begins_s, _end_of(drive.result) - _CLIP_S)
-        return Film(link, name, begins_s), ""
+        return Film(link, name, drive.films_begin_s.get(name)), ""
 
     def _plan(
         self, jobs: tuple[JobRecord, JobRecord], drives: tuple[Drive, Drive], title: str
@@ -286,11 +287,6 @@ def _why_no_video(drive: Drive, outcome: Outcome) -> str:
     if drive.video_policy == "on-failure" and not outcome.is_failure:
         return "No video: it was asked for failures only (on-failure)."
     return "No video: none was asked for." if drive.video_policy == "none" else "No video is stored."
-
-
-def _begin_of(result: RunResult | None) -> float:
-    begins_s = result.extra.get("video_begins_s", 0.0) if result is not None else 0.0
-    return float(begins_s) if isinstance(begins_s, int | float) else 0.0
 
 
 def _end_of(result: RunResult | None) -> float:

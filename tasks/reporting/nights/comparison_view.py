@@ -67,6 +67,8 @@ class ComparisonPage:
     """URL of the cards before these; empty: there are none."""
     later: str = ""
     """URL of the cards after these; empty: there are none."""
+    video_folder: str = ""
+    """Name of the folder beside the page that has some of its videos; empty: there is none."""
     job_link: Callable[[str], str] = field(default=lambda _: "")
     """Function that returns the URL of a job's page by the job's id; empty where there is none."""
     run_link: Callable[[str], str] = field(default=lambda _: "")

@@ -3,7 +3,8 @@
 import os
 import stat
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from io import TextIOWrapper
 from pathlib import Path
 
@@ -30,12 +31,7 @@ def redirect_output(output_dir: Path) -> None:
 
     Programs that the process starts and libraries that print in C end up in the same files.
     """
-    folder = output_dir / LOG_FOLDER
-    folder.mkdir(parents=True, exist_ok=True)
-    for descriptor, target in ((1, folder / STDOUT_LOG), (2, folder / STDERR_LOG)):
-        opened = os.open(target, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
-        os.dup2(opened, descriptor)
-        os.close(opened)
+    _write_to(output_dir)
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
     os.close(nothing)
@@ -43,6 +39,45 @@ def redirect_output(output_dir: Path) -> None:
         assert isinstance(stream, TextIOWrapper)
         # By line, so that the log shows what was printed just before a crash.
         stream.reconfigure(encoding="utf-8", errors="backslashreplace", line_buffering=True)
+
+
+@contextmanager
+def own_logs(output_dir: Path) -> Iterator[None]:
+    """Redirects standard output and error to files in `logs/` of a folder, inside of the `with` block only.
+
+    A trial that is run again to be recorded says all that it said before: the logs of the job would have it twice.
+
+    Args:
+        output_dir: Output folder of the trial.
+    """
+    before = [(os.dup(descriptor), descriptor) for descriptor in (1, 2)]
+    try:
+        _flush()
+        _write_to(output_dir)
+        yield
+    finally:
+        _flush()
+        for kept, descriptor in before:
+            os.dup2(kept, descriptor)
+            os.close(kept)
+        for name in (STDOUT_LOG, STDERR_LOG):
+            with suppress(OSError):  # the application may have put anything there
+                CappedLog(output_dir / LOG_FOLDER / name).close()
+
+
+def _write_to(output_dir: Path) -> None:
+    folder = output_dir / LOG_FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    for descriptor, target in ((1, folder / STDOUT_LOG), (2, folder / STDERR_LOG)):
+        opened = os.open(target, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+        os.dup2(opened, descriptor)
+        os.close(opened)
+
+
+def _flush() -> None:
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(Exception):  # the application may have closed or replaced it, or the disk is full
+            stream.flush()
 
 
 def program_logs(program: str) -> tuple[str, str]:

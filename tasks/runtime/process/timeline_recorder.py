@@ -182,7 +182,7 @@ class TimelineRecorder(Observer):
         try:
             with os.scandir(folder) as entries:
                 names = sorted(each.name for each in entries if each.name.endswith(".log"))
-        except OSError:  # a recorded trial has none of its own
+        except OSError:  # the application may have removed them
             return
         for name in names:
             if name not in self._logs and len(self._logs) < _MOST_LOGS:

@@ -22,7 +22,7 @@ from ..episode.loading import LoadError
 from ..episode.physics import raw_physics
 from ..episode.progress import Phase, Progress, RunStopped, Stop
 from ..episode.run_results import Episode, Observer, make_result
-from ..limits.logs import add_note
+from ..limits.logs import add_note, own_logs
 from ..recording.recording import Recorder
 from ..requirements.observer import RequirementsObserver
 from ..states.checkpoint_files import TrialCheckpoints
@@ -343,6 +343,7 @@ def _record(run: RunRequest, plan: RunPlan, stop: Stop) -> None:
     An error of it is noted in the outputs, and does not fail the job.
     """
     try:
-        attempt(run.model_copy(update={"plan": plan}), Progress(), stop)
+        with own_logs(plan.output_dir):
+            attempt(run.model_copy(update={"plan": plan}), Progress(), stop)
     except Exception as error:
         add_note(run.plan.output_dir, f"robomaker: trial {plan.trial} was recorded until it broke: {error}")

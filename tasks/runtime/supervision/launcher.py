@@ -20,6 +20,7 @@ from typing import Any
 
 from ....schemas.runs.plan import RunOutcome, RunPlan
 from ....schemas.runs.programs import BoxPlan, RunStop
+from ....schemas.runs.trial_rows import judged_of
 from ....schemas.runs.variables import ENDPOINT_VARIABLE
 from ....schemas.settings import Settings
 from ....schemas.wire.errors import LaunchError, LaunchInterruptedError
@@ -258,6 +259,7 @@ class Launcher:
             **asdict(decided),
             verdict=result.verdict if result else None,
             verdict_reason=result.reason if result else None,
+            judged=judged_of(result) if result else None,
             started_at=started_at,
             ended_at=ended_at,
             cpu_time_s=ended.cpu_time_s if ended else None,

@@ -16,6 +16,7 @@ from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
 from prefect_robomaker.schemas.reports.against import AgainstAnswer
 from prefect_robomaker.schemas.reports.challenge import Challenge, ChallengedJob, SabotageResult
 from prefect_robomaker.schemas.reports.names import name_label
+from prefect_robomaker.schemas.reports.run_record import RerunOf
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.causes.explanation import explain
@@ -96,6 +97,29 @@ def test_a_batch_shows_which_jobs_only_draw_or_store_and_where_the_time_went(
     assert f"Where the time went: {words}" in browser.get(f"/console/jobs/{shown}").text
 
 
+def test_a_run_is_compared_with_nights_of_its_specification_only(browser: Any, service: Service) -> None:
+    runs = service.settings.home / "runs"
+    first, shown, last = (make_night("PF", night, runs=runs) for night in (0, 2, 6))
+    rerun = make_night("P", 1, runs=runs).model_copy(
+        update={"rerun_of": RerunOf(run_id=first.run_id, selection="failed", jobs_total=2, earlier={})}
+    )
+    challenge = make_night("PF", 3, runs=runs).model_copy(update={"probe": True, "challenge": Challenge(sabotages=[])})
+    for record in (first, shown, last, rerun, challenge, make_night("P", 4, name="nightly-flats", runs=runs)):
+        store_night(record)
+
+    page = browser.get(f"/console/runs/{shown.run_id}").text
+
+    assert re.findall(r'<option value="([^"]*)"( selected)?>', page) == [(last.run_id, ""), (first.run_id, " selected")]
+
+
+def test_a_job_that_never_ran_prints_no_command_that_repeats_it(browser: Any, store_job: StoreJob) -> None:
+    never, ran = store_job("Canceled"), store_job(verdict="FAIL", files={"provenance.json": b"{}"})
+    assert f"robomaker repro {ran}" in browser.get(f"/console/jobs/{ran}").text
+    page = browser.get(f"/console/jobs/{never}").text
+    assert "robomaker repro" not in page
+    assert "It ended before it ran: there is nothing to repeat." in page
+
+
 def test_what_changes_of_a_batch_is_sent_until_it_ends(
     browser: Any, store_job: StoreJob, store_batch: StoreBatch
 ) -> None:
@@ -127,6 +151,7 @@ def test_lists_go_on_page_by_page(browser: Any, store_job: StoreJob) -> None:
 
 def test_a_job_that_ended_shows_its_files_and_logs(browser: Any, store_job: StoreJob) -> None:
     files = {"logs/stdout.log": b"\x1b[31mhello\x1b[0m <b>", "video.mp4": b"film", "page.html": b"<script>"}
+    files["provenance.json"] = b"{}"
     job = store_job("Failed", files=files, failure_code="Internal", failure_reason="boom")
     page = browser.get(f"/console/jobs/{job}").text
 
@@ -532,4 +557,4 @@ def test_the_page_of_a_run_says_why_its_trials_failed(browser: Any, service: Ser
 
     assert "<strong>FLOOR = carpet</strong>: 38 of 186, elsewhere 8 of 367: 9.5 times as often" in shown
     assert '<svg class="cause-plot"' in shown
-    assert "robomaker repro sim-0 --trial 49" in shown
+    assert 'robomaker repro sim-0 <span class="whole">--trial 49</span>' in shown

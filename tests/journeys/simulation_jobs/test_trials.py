@@ -24,6 +24,7 @@ from prefect_robomaker.tasks.inspection.replays import reproduce_run, verify_run
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.operations.simulation_jobs import perform_simulation_job
+from prefect_robomaker.tasks.runtime.episode.run_timeline import read_timeline
 from prefect_robomaker.tasks.service.service import Progress, Service, Timing
 
 Simulate = Callable[..., dict[str, Any]]
@@ -62,6 +63,9 @@ def test_some_trials_fail_and_the_job_says_which(service: Service, swing: Simula
     assert result.reason == f"trials: {len(failing)} of 8 trials did not pass: {named}"
     assert result.metrics["pass_rate"] == (8 - len(failing)) / 8
     assert service.catalog.get(job["arn"]).document["verdict"] == "FAIL"
+    trials = {"passed": 8 - len(failing), "failed": len(failing), "errors": 0}
+    told = {"verdict": "FAIL", "reason": result.reason, "trials": trials}
+    assert call("DescribeSimulationJob", {"job": job["arn"]}, service)["verdict"] == told
     # Recorded are those that were asked for, and the first that failed.
     folder = outputs_of(service, job)
     recorded = sorted(int(path.name) for path in (folder / "trials").iterdir())
@@ -72,6 +76,18 @@ def test_some_trials_fail_and_the_job_says_which(service: Service, swing: Simula
         assert (again.state_digest, again.verdict) == (rows[number]["state_digest"], rows[number]["verdict"])
         assert (folder / f"trials/{number:06d}/recording.mcap").stat().st_size > 1000
     assert not (folder / "recording.mcap").exists()
+
+
+def test_each_trial_says_what_it_says_once_and_a_recorded_one_in_logs_of_its_own(
+    service: Service, swing: Simulate
+) -> None:
+    job = swing(job={"trials": {"seeds": 2, "record": [1]}}, TIME_LIMIT_S="0.2")
+    folder = outputs_of(service, job)
+    said = [(folder / name / "logs/stderr.log").read_text().count("squeaks") for name in ("", "trials/000001")]
+    assert said == [2, 1]
+    recorded = read_timeline((folder / "trials/000001/timeline.json").read_bytes())
+    assert recorded is not None
+    assert {each.name for each in recorded.logs} == {"logs/stdout.log", "logs/stderr.log"}
 
 
 def test_a_stop_while_trials_are_recorded_is_said_in_the_log(service: Service, swing: Simulate) -> None:
@@ -157,7 +173,6 @@ def test_chance_that_no_seed_repeats_shows_in_its_trial(service: Service, swing:
 def test_what_is_no_trial_is_said(service: Service, swing: Simulate) -> None:
     job, alone = swing(job={"trials": {"seeds": 2}}, TIME_LIMIT_S="0.1"), swing(TIME_LIMIT_S="0.1")
     for reference, trial, said in (
-        (job, None, "has 2 trials; name one with --trial, from 0 to 1"),
         (job, 2, "--trial 2: there is no trial 2; the trials are 0 to 1"),
         (alone, 0, "has no trials; leave --trial out"),
     ):

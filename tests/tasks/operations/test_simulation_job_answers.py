@@ -4,6 +4,9 @@ from typing import Any
 
 import pytest
 
+from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobProgress
+from prefect_robomaker.schemas.runs.plan import Requirement, RunResult
+from prefect_robomaker.schemas.runs.trial_rows import judged_of
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
@@ -44,6 +47,35 @@ def test_the_service_s_defaults_are_told(service: Service) -> None:
         }
     ]
     assert "robotApplications" not in answer
+
+
+RESULT = RunResult(
+    verdict="FAIL", sim_time_s=1, wall_time_s=1, real_time_factor=1, ended_by="environment", seed=1,
+    requirements=[
+        Requirement(name="met", satisfied=True, detail=""), Requirement(name="missed", satisfied=False, detail=""),
+        Requirement(name="broke", satisfied=False, detail="", error="no such body"),
+        Requirement(name="own", satisfied=False, detail="", counts=False),
+    ],
+)  # fmt: skip
+
+
+def test_a_job_that_completed_tells_what_its_robot_did(service: Service) -> None:
+    """`Completed` says of a job only that its run ended as it should."""
+    job = created(service, {})["arn"]
+
+    def told() -> dict[str, Any] | None:
+        return call("DescribeSimulationJob", {"job": job}, service).get("verdict")
+
+    judged = SimulationJobProgress(verdict="FAIL", verdict_reason="missed: by 2 m", judged=judged_of(RESULT))
+    service.catalog.update(job, judged)
+    assert told() is None, "it has not ended: a cancellation may still take the verdict away"
+    for event in ("prepare", "start", "finish", "complete"):
+        service.catalog.transition(job, event)
+    assert told() == {
+        "verdict": "FAIL", "reason": "missed: by 2 m", "requirements": {"passed": 1, "failed": 1, "errors": 1},
+    }  # fmt: skip
+    service.catalog.update(job, SimulationJobProgress(verdict="PASS", verdict_reason=None, judged=None))
+    assert told() == {"verdict": "PASS"}, "an earlier version ran it, and kept no numbers"
 
 
 def test_what_was_given_is_told(service: Service) -> None:

@@ -11,7 +11,14 @@ from markdown_it import MarkdownIt
 
 from prefect_robomaker.schemas.reports.causes import AxisEffects, Effect
 from prefect_robomaker.schemas.reports.challenge import Challenge, ChallengedJob, SabotageResult
-from prefect_robomaker.schemas.reports.report import ArmComparison, AxisResult, Report, ReportedJob, ReportedStep
+from prefect_robomaker.schemas.reports.report import (
+    ArmComparison,
+    AxisResult,
+    Report,
+    ReportedFile,
+    ReportedJob,
+    ReportedStep,
+)
 from prefect_robomaker.tasks.reporting import markdown_report, summarize
 
 
@@ -19,9 +26,12 @@ def page(text: str) -> Any:
     return html.fromstring(f"<body>{MarkdownIt('gfm-like', {'linkify': False, 'html': True}).render(text)}</body>")
 
 
+FILES = [ReportedFile(name="result.json", uri="file:///outputs/result.json", size_bytes=2)]
+
+
 @pytest.fixture
 def report(mixed_report: Report) -> Report:
-    jobs = [job.model_copy(update={"step": "drive"}) for job in mixed_report.jobs]
+    jobs = [job.model_copy(update={"step": "drive", "files": FILES}) for job in mixed_report.jobs]
     return mixed_report.model_copy(update={"jobs": jobs})
 
 
@@ -40,6 +50,9 @@ def test_a_report_says_what_passed_and_why_the_rest_did_not(report: Report) -> N
     assert jobs["w2"][0] == "broken"
     assert jobs["w1 (2)"][1]
     assert jobs["w1 (2)"][2].startswith("robomaker repro sim-")
+    unrun = [job.model_copy(update={"files": []}) for job in report.jobs]
+    text = markdown_report(summarize(report.model_copy(update={"jobs": unrun})))
+    assert "robomaker repro" not in text, "there is nothing to repeat"
 
 
 def test_links_lead_to_the_console_where_one_is_known(report: Report) -> None:

@@ -161,7 +161,7 @@ def _write(sides: "Sides", page: Path, opens: bool) -> list[str]:
     from .....tasks.reporting import write_comparison
     from ....compared_pages import compared_file
 
-    path = write_comparison(compared_file(sides, open_service()), page)
+    path = write_comparison(compared_file(sides, open_service(), page), page)
     if opens:
         open_file(path)
     return [f"  page          {path}"]

@@ -34,6 +34,10 @@ def execute(arguments: argparse.Namespace) -> int:
         sys.stdout.write(made.model_dump_json(indent=2) + "\n")
         return 0
     as_before = "as the run did" if made.same_ending else "which is not how the run ended"
+    if made.trial != arguments.trial:
+        sys.stdout.write(
+            f"Trial {made.trial} is repeated, as --trial names none: the first that did not pass, else 0.\n"
+        )
     sys.stdout.write(f"The rerun {made.ending}, {as_before}{ROBOT_IN_WORDS[made.robot]}.\n")
     if made.other_inputs:
         sys.stdout.write(f"It is not the same run: {'; '.join(made.other_inputs)}. The folder has what there is now.\n")

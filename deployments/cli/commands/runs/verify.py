@@ -30,5 +30,7 @@ def execute(arguments: argparse.Namespace) -> int:
     service = open_service()
     verification = verify_run(arguments.run, service, trial=arguments.trial, run_program=arguments.run_program)
     text = verification.model_dump_json(indent=2) if arguments.output == "json" else str(verification)
+    if verification.trial != arguments.trial and arguments.output != "json":
+        text = f"trial {verification.trial}: {text}"
     sys.stdout.write(f"{text}\n")
     return EXIT_CODES[verification.answer]

@@ -47,7 +47,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--against",
         action="store_true",
-        help="the second run stops when it is decided (`run --against`); for --detect",
+        help="the second run stops when it is decided (`run --against`); for --detect and --margin",
     )
     parser.add_argument(
         "--differ",
@@ -87,8 +87,8 @@ def _questions(arguments: argparse.Namespace) -> "list[Question]":
         "difference": percentage(arguments.detect, "--detect", whole=True),
         "margin": percentage(arguments.margin, "--margin"),
     }
-    if arguments.against and (shares["margin"] or not shares["difference"]):
-        raise ConfigurationError("--against plans runs for --detect, and for nothing else; add that, and no --margin")
+    if arguments.against and not any(shares.values()):
+        raise ConfigurationError("--against is for --detect and --margin; add one, or leave it out")
     if not any(shares.values()):
         for option in ("differ", "alpha"):
             if getattr(arguments, option) is not None:

@@ -1,5 +1,6 @@
 """A driven double pendulum, chaotic and quick: its environment and its agent can be continued."""
 
+import logging
 import os
 import signal
 import time
@@ -171,4 +172,5 @@ class Pusher:
 
 def make_agent(context, environment):
     print("agent begins", flush=True)
+    logging.warning("a joint squeaks")
     return Pusher(context.rng)

@@ -65,6 +65,20 @@ def test_both_paths_are_on_the_plan_of_their_world_with_what_changed(
     assert "style=" not in page
 
 
+def test_videos_begin_when_their_time_lines_say_so(
+    browser: Any, worlds: list[str], service: Service, tmp_path: Path
+) -> None:
+    """A video that begins late, as one of a run that was resumed, and an old one, of which nothing says when."""
+    late = drive(service, tmp_path, "P", world=worlds[0], night=0, video="last-10s.mp4", begins_s=1.25)
+    old = drive(service, tmp_path, "F", world=worlds[0], night=1, video="video.mp4", begins_s=None)
+    runs = two_runs(service, [late], [old])
+    [card] = cards_of(browser.get(f"/console/compare?before={runs[0].run_id}&after={runs[1].run_id}").text)
+    assert re.findall(r'<video [^>]*src="[^"]*/([^"/]+)"( data-begins="[^"]*")? data', card) == [
+        ("last-10s.mp4", ' data-begins="1.25"'), ("video.mp4", ""),
+    ]  # fmt: skip
+    assert card.count("It does not follow: its simulated times are not recorded.") == 1
+
+
 def test_trials_are_told_by_their_counts_and_nothing_is_drawn_of_them(browser: Any, service: Service) -> None:
     runs = service.settings.home / "runs"
     jobs = []
@@ -161,7 +175,7 @@ def test_the_page_of_a_run_leads_to_others_and_to_its_axes(browser: Any, service
     [link] = re.findall(r'href="(/console/compare/cells[^"]+)">rover<', page)
     cells = html.unescape(browser.get(link).text)
 
-    assert offered == [(first, " selected"), (last, "")]
+    assert offered == [(last, ""), (first, " selected")]
     assert f'<input type="hidden" name="after" value="{middle}">' in page
     assert "robot scout" in cells
     assert "the run's report says whether" in cells

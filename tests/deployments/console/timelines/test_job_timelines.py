@@ -154,9 +154,37 @@ def test_a_job_with_trials_shows_one_that_was_recorded(
     other = browser.get(f"/console/jobs/{job}?trial=2").text
     assert f'timeline?trial=2" data-end="{END_S}"' in other
     assert browser.get(f"/console/jobs/{job}/timeline?trial=2").json()["end_s"] == END_S
+    unrecorded = browser.get(f"/console/jobs/{job}?trial=0").text
+    assert "data-end" not in unrecorded, "the time line of another trial would be taken for its own"
+    assert "/files/video.mp4" not in unrecorded.partition('class="trouble"')[0]
+    assert gaps(unrecorded)[0].startswith("Trial 0 was not recorded, so there is no time line, video or plan")
+    assert f'robomaker repro {job} <span class="whole">--trial 0</span>' in unrecorded
+    assert 'href="?trial=1"' in unrecorded
+    for no_trial in ("3", "-1", "², ", "9" * 30, "x"):
+        assert "Time line of trial 1" in browser.get(f"/console/jobs/{job}", params={"trial": no_trial}).text
+    assert browser.get(f"/console/jobs/{job}/timeline?trial=0").json()["poses"] == []
     summary["recorded"] = []
     bare = store_job(verdict="FAIL", files=outputs(whole.model_copy(update={"extra": {"trials": summary}})))
     assert gaps(browser.get(f"/console/jobs/{bare}").text)[0].startswith("None of its trials was recorded")
+
+
+def test_a_recorded_trial_has_lines_of_its_own_log_and_a_link_from_its_row(
+    browser: Any, store_job: Callable[..., str]
+) -> None:
+    row = {"trial": 2, "seed": 2, "verdict": "FAIL", "reason": "soft", "recorded": True}
+    summary = {"planned": 3, "counts": {"passed": 2, "failed": 1}, "recorded": [1, 2], "failing": [row]}
+    files = outputs(RESULT.model_copy(update={"extra": {"trials": summary}}), None)
+    files |= {"logs/stdout.log": b"all of the job", "trials/000001/result.json": RESULT.model_dump_json().encode()}
+    files |= {f"trials/000002/{name}": data for name, data in outputs().items()}
+    files["trials/000002/logs/stdout.log"] = b"first\ntouch\nlast\n"
+    job = store_job(verdict="FAIL", files=files)
+    page = browser.get(f"/console/jobs/{job}?trial=2").text
+    assert '<span data-t="0.0">first\n</span><span data-t="12.5">touch\n</span><span>last\n</span>' in page
+    assert "all of the job" not in page
+    assert not any("log does not follow" in each for each in gaps(page))
+    assert '<a href="?trial=2#timeline-title">2</a>' in page
+    other = browser.get(f"/console/jobs/{job}?trial=1").text
+    assert "<span>all of the job\n</span>" in other, "an earlier version recorded it without a log"
 
 
 @pytest.mark.parametrize(

@@ -1,14 +1,18 @@
 """compare --report and --axis: two sides as a page that opens without a server, and as text."""
 
+import itertools
 import re
+import shutil
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import pytest
 from helpers.browser import NEEDS_BROWSER, browsing
 from helpers.driven_runs import drive, two_runs
 from helpers.night_records import digest, make_job, make_night, store_night
 
+from prefect_robomaker.deployments import compared_pages
 from prefect_robomaker.schemas.reports.report import ArmComparison
 from prefect_robomaker.schemas.reports.run_record import JobRecord
 from prefect_robomaker.tasks.comparison.arms import axis_results
@@ -50,7 +54,7 @@ def test_many_pairs_are_a_page_with_cards_of_those_that_changed(robomaker: Any, 
     assert text.count('<article class="card beside') == 60
     assert text.index("sim-1-79") < text.index("sim-1-0<")
     assert re.search(r'Other pairs <span class="count">20<', text)
-    assert "media-src file:; " in text
+    assert "media-src data: file: " in text
     assert re.findall(r'(?:src|href)="(?!#|data:)[^"]*"', text) == []
 
 
@@ -100,32 +104,100 @@ def test_wrong_words_are_named(robomaker: Any, axes: str, words: tuple[str, ...]
     assert said in told.err
 
 
-@pytest.mark.deep
-@NEEDS_BROWSER
-@pytest.mark.usefixtures("known_worlds")
-def test_the_file_plays_videos_where_they_are_and_says_where_it_cannot(
-    robomaker: Any, generate: Any, service: Service, tmp_path: Path
-) -> None:
-    world = generate()["finishedWorldsSummary"]["succeededWorlds"][0]
+@pytest.fixture
+def filmed(service: Service, tmp_path: Path) -> list[str]:
+    """Ids of two runs of a job in no world, which both have a video."""
     jobs = [
-        drive(service, tmp_path, letter, world=world, night=night, end_s=3.0, video="video.mp4")
+        drive(service, tmp_path, letter, world=None, night=night, end_s=3.0, video="video.mp4")
         for night, letter in enumerate("PF")
     ]
-    runs = two_runs(service, jobs[:1], jobs[1:])
-    page = tmp_path / "compared.html"
-    robomaker("compare", runs[0].run_id, runs[1].run_id, "--report", page)
-    [gone] = (service.settings.home).rglob("outputs-0-0-P-False/video.mp4")
+    return [run.run_id for run in two_runs(service, jobs[:1], jobs[1:])]
+
+
+def test_videos_are_in_the_file_or_in_a_folder_beside_it(
+    robomaker: Any, filmed: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file that somebody gets by mail has no files of the machine that wrote it."""
+    page = tmp_path / "sent" / "two runs.html"
+    page.parent.mkdir()
+    robomaker("compare", *filmed, "--report", page)
+    text = page.read_text()
+    assert len(re.findall(r'<video [^>]*src="data:video/mp4;base64,', text)) == 2
+    assert text.count('video.mp4 <span class="unit">in this file</span>') == 2
+    assert "loads nothing: what it shows is in it" in text
+    assert list(page.parent.iterdir()) == [page]
+
+    size_bytes = max(path.stat().st_size for path in tmp_path.rglob("video.mp4"))
+    monkeypatch.setattr(compared_pages, "_MOST_EMBEDDED_TOGETHER_BYTES", size_bytes)
+    robomaker("compare", *filmed, "--report", page)
+    text = page.read_text()
+    sources = re.findall(r'<video [^>]*src="([^"]*)"', text)
+    assert [source[:5] for source in sources] == ["data:", "two%2"], "together they are too large"
+    assert (page.parent / unquote(sources[1])).read_bytes()[4:8] == b"ftyp"
+    assert "<code>two runs-videos</code> beside it: send both together" in text
+    assert "file:///" not in text
+
+
+@pytest.mark.deep
+@NEEDS_BROWSER
+@pytest.mark.parametrize("most_bytes", [0, 3_000_000], ids=["beside", "inside"])
+def test_the_file_plays_its_videos_wherever_it_is(
+    robomaker: Any, filmed: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most_bytes: int, home: Path
+) -> None:
+    monkeypatch.setattr(compared_pages, "_MOST_EMBEDDED_BYTES", most_bytes)
+    made, sent = tmp_path / "made", tmp_path / "sent"
+    made.mkdir()
+    robomaker("compare", *filmed, "--report", made / "compared.html")
+    shutil.move(made, sent)
+    shutil.rmtree(home)
+    page = sent / "compared.html"
     with browsing(tmp_path / "profile") as browser, browser.page() as tab:
         tab.load(page.as_uri(), 400)
         ready = "[...document.querySelectorAll('video')].every((each) => each.readyState > 1)"
         tab.wait(lambda tab: tab.evaluate(ready), "videos")
+        move = "bar.value = 2; bar.dispatchEvent(new Event('input'))"
+        tab.evaluate(f"(() => {{ const bar = document.querySelector('.player input'); {move}; }})()")
+        times = "[...document.querySelectorAll('video')].map((each) => each.currentTime)"
+        tab.wait(lambda tab: tab.evaluate(times) == pytest.approx([2.0, 2.0], abs=0.05), "both at two seconds")
         assert tab.evaluate("document.querySelectorAll('.way').length") > 2
         assert tab.evaluate("document.documentElement.scrollWidth") <= 400
         assert tab.complaints == []
-        gone.unlink()
-        tab.load(f"{page.as_uri()}?again", 1280)
-        tab.wait_for_text("The video of A cannot be played here.")
-        assert "The video of B cannot be played here." not in tab.text
+        if most_bytes == 0:
+            next(sent.rglob("*video.mp4")).unlink()
+            tab.load(f"{page.as_uri()}?again", 1280)
+            tab.wait_for_text("cannot be played here.")
+            assert tab.text.count("cannot be played here.") == 1
+
+
+@pytest.mark.deep
+@NEEDS_BROWSER
+@pytest.mark.parametrize("width", [400, 1280])
+def test_labels_of_the_rates_are_as_large_as_text_on_every_screen(
+    robomaker: Any, home: Path, tmp_path: Path, width: int
+) -> None:
+    """A drawing that is scaled to a telephone has labels that nobody can read."""
+    runs = [make_night(letters, night, runs=home / "runs") for night, letters in enumerate(("PPPPPPPP", "PPFFFFFF"))]
+    for run in runs:
+        store_night(run)
+    page = tmp_path / "compared.html"
+    robomaker("compare", runs[0].run_id, runs[1].run_id, "--report", page)
+    texts = "[...document.querySelectorAll('.chart text, .rate-names span')]"
+    size_px = "parseFloat(getComputedStyle(each).fontSize) * (each.getScreenCTM ? each.getScreenCTM().a : 1)"
+    with browsing(tmp_path / "profile") as browser, browser.page() as tab:
+        tab.load(page.as_uri(), width)
+        sizes = tab.evaluate(f"{texts}.map((each) => {size_px})")
+        boxes = tab.evaluate(f"{texts}.map((each) => each.getBoundingClientRect().toJSON())")
+        assert len(sizes) == 7  # before, after, and 0 to 100 %
+        assert min(sizes) >= 11
+        assert tab.evaluate("document.querySelector('.chart.compared').getBoundingClientRect().height") >= 80
+        assert all(box["left"] >= 0 and box["right"] <= width for box in boxes)
+        assert not any(_overlap(one, other) for one, other in itertools.combinations(boxes, 2))
+        assert tab.evaluate("document.documentElement.scrollWidth") <= width
+
+
+def _overlap(one: dict[str, float], other: dict[str, float]) -> bool:
+    across = one["left"] < other["right"] and other["left"] < one["right"]
+    return across and one["top"] < other["bottom"] and other["top"] < one["bottom"]
 
 
 def test_worlds_of_an_axis_are_named_as_in_the_report_and_have_its_answer(robomaker: Any, home: Path) -> None:

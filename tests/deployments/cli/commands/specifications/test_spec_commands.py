@@ -224,6 +224,9 @@ steps:
     beside = robomaker("plan", path, "--detect", "10points", "--against").out
     assert "241 trials in each of two runs\n  decided by  the evidence of `run --against`\n" in beside
     assert "  stops       after 136 trials or fewer in half of the runs\n  a run has   200 trials: 41 too few" in beside
+    kept = robomaker("plan", path, "--margin", "20", "--against").out
+    assert "that nothing got worse by 20 points with a chance of 80%: 81 trials in each of two runs\n" in kept
+    assert "  decided by  the evidence of `run --against`\n  stops       after 46 trials or fewer" in kept
     quickstart = robomaker("plan", SPECS / "quickstart.yaml", "--detect", "10", "--differ", "14").out
     assert "114 trials in each of two runs" in quickstart
     assert "a run has   4 trials: 110 too few" in quickstart
@@ -241,8 +244,7 @@ steps:
         (("--probe", "--price-per-hour", "-1"), "--price-per-hour is -1"),
         (("--alpha", "0.1"), "--alpha is for --detect and --margin; add one, or leave it out"),
         (("--differ", "10"), "--differ is for --detect and --margin"),
-        (("--against",), "--against plans runs for --detect, and for nothing else; add that, and no --margin"),
-        (("--margin", "5", "--against"), "--against plans runs for --detect, and for nothing else"),
+        (("--against",), "--against is for --detect and --margin; add one, or leave it out"),
         (("--detect", "0"), "--detect is '0'; a number above 0 and at most 100, such as 5, would be right"),
         (("--margin", "ten"), "--margin is 'ten'; a number above 0 and below 100"),
         (("--detect", "10", "--differ", "5"), "pass rates cannot differ by more than the share of trials that differ"),
