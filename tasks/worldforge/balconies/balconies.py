@@ -16,6 +16,7 @@ from ..doors.doors import hang_doors
 from ..floorplans.brief import RATIO_TOLERANCE, deviation, length_over_width
 from ..floorplans.connections import AREA_TOLERANCE
 from ..floorplans.floorplan import generate_floorplan
+from ..floorplans.preferences import is_stated
 from .building import with_balcony
 from .sites import Site, sites
 
@@ -143,11 +144,15 @@ def _place(preference: Preference) -> tuple[int, int]:
 
 
 def _shape(number: int, wished: TemplateRoom, room: Room) -> Iterator[Preference]:
-    """Yields the outcome of a balcony's area and aspect ratio."""
+    """Yields the outcome of a balcony's area and aspect ratio, as far as the template states them."""
+    if "DesiredShape" not in wished.model_fields_set:
+        return
     shape, path = wished.DesiredShape, f"{FLOORPLAN_PATH}.Rooms[{number}].DesiredShape"
     near = abs(room.floor_m2 / shape.Area - 1) <= AREA_TOLERANCE
     reason = "" if near else f"its floor became {room.floor_m2:.1f} m2 instead of {shape.Area:g} m2"
     yield Preference.judged(f"{path}.Area", f"{room.name} of {shape.Area:g} m2", reason)
+    if not is_stated(shape.AspectRatio):
+        return
     actual, desired = room.aspect_ratio or 1.0, room.desired_aspect_ratio
     ratio = f"{shape.AspectRatio.x:g}:{shape.AspectRatio.y:g}"
     why = f"it became {actual:.2f} instead of {desired:.2f}; a balcony is 1.2 to 2.5 m deep and as long as its wall"
