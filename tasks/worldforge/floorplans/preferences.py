@@ -6,7 +6,7 @@ from math import log
 
 import numpy as np
 
-from ....schemas.templates.body import FLOORPLAN_PATH, TemplateAspectRatio, TemplateFloorplan
+from ....schemas.templates.body import FLOORPLAN_PATH, DesiredConnection, TemplateAspectRatio, TemplateFloorplan
 from ....schemas.worlds.world import Preference
 from .brief import (
     DOOR_CLEARANCE,
@@ -86,11 +86,10 @@ def _ordered(one: int, other: int) -> Pair:
     return (one, other) if one < other else (other, one)
 
 
-def competing_preferences(preferences: TemplateFloorplan, brief: Brief, plan: Partition, missed: int) -> str:
+def competing_preferences(brief: Brief, plan: Partition, missed: int) -> str:
     """Explains which other preferences would have to be given up to satisfy a missed one.
 
     Args:
-        preferences: The template's floor plan, which says what of it is a default.
         brief: The preferences, of two rooms or more.
         plan: The plan that misses one.
         missed: The number of that preference, in the order of the search.
@@ -107,7 +106,7 @@ def competing_preferences(preferences: TemplateFloorplan, brief: Brief, plan: Pa
     rivals = misses[:, granting] & ~_misses(brief, plan, len(misses))[:, None]
     costs = np.concatenate([plans.cost for plans in lists])[granting]
     fewest = np.lexsort((costs, rivals.sum(axis=0)))[0]
-    names = [name for name, rival in zip(_names(preferences, brief), rivals[:, fewest].tolist(), strict=True) if rival]
+    names = [name for name, rival in zip(_names(brief), rivals[:, fewest].tolist(), strict=True) if rival]
     if names:
         return f"the best plan that grants it misses {' and '.join(names)}"
     if brief.diverse:
@@ -141,45 +140,37 @@ def _misses(brief: Brief, plan: Partition, preferences: int) -> np.ndarray:
     return missed
 
 
-def _names(preferences: TemplateFloorplan, brief: Brief) -> list[str]:
+def _names(brief: Brief) -> list[str]:
     """Returns the descriptions of all preferences of the floor plan, in the order in which they are numbered."""
-    footprint = f"the footprint's {brief.footprint_ratio:.2f}{_by_default(preferences.Footprint.DesiredAspectRatio)}"
-    ratios = [
-        f"the aspect ratio {ratio:.2f} of {room.Name}{_by_default(room.DesiredShape.AspectRatio)}"
-        for room, ratio in zip(preferences.Rooms, brief.ratios, strict=True)
-    ]
+    ratios = [f"the aspect ratio {ratio:.2f} of {name}" for name, ratio in zip(brief.names, brief.ratios, strict=True)]
     areas = [f"the area of {name}" for name in brief.names]
     pairs = [f"the way between {brief.names[low]} and {brief.names[high]}" for (low, high), _, _ in brief.requests]
-    return [footprint, *ratios, *areas, *pairs]
-
-
-def _by_default(ratio: TemplateAspectRatio) -> str:
-    return "" if is_stated(ratio) else " (a default)"
+    return [f"the footprint's {brief.footprint_ratio:.2f}", *ratios, *areas, *pairs]
 
 
 def preference_report(
     preferences: TemplateFloorplan, brief: Brief, plan: Partition, ways: list[Way]
 ) -> list[Preference]:
-    """Reports for every floor plan preference that the template states whether the world satisfies it.
+    """Reports for every floor plan preference of the template whether the world satisfies it.
 
-    What the template leaves out has a default: the search aims at it as well, but it is no wish.
+    What the template leaves out has a default, at which the search aims as well: it is no wish, so that none is missed.
     """
-    report: list[Preference] = []
-    if is_stated(preferences.Footprint.DesiredAspectRatio):
-        report.append(_footprint(preferences, brief, plan))
-    if "Height" in preferences.Ceiling.model_fields_set:
-        report.append(_ceiling(preferences))
+    ratio = preferences.Footprint.DesiredAspectRatio
+    report = [*reported(_footprint(preferences, brief, plan), stated=is_stated(ratio)), _ceiling(preferences)]
     for number, room in enumerate(preferences.Rooms):
-        if "DesiredShape" in room.model_fields_set:
-            report.append(_area(preferences, plan, number))
-        if is_stated(room.DesiredShape.AspectRatio):
-            report.append(_ratio(preferences, brief, plan, number))
+        report += reported(_area(preferences, plan, number), stated="DesiredShape" in room.model_fields_set)
+        report += reported(_ratio(preferences, brief, plan, number), stated=is_stated(room.DesiredShape.AspectRatio))
     left = Counter(way.pair for way in ways if way.requested)
     for index, connection in enumerate(preferences.DesiredConnections):
         low, high = sorted(brief.names.index(name) for name in connection.Location)
-        report.append(_connection(preferences, index, (low, high), brief, plan, left))
+        report.append(_connection(connection, index, (low, high), brief, plan, left))
         left[low, high] -= 1
     return report
+
+
+def reported(preference: Preference, *, stated: bool) -> list[Preference]:
+    """Returns what the report says of a preference: nothing where a world misses a default."""
+    return [preference] if stated or preference.outcome == "satisfied" else []
 
 
 def is_stated(ratio: TemplateAspectRatio) -> bool:
@@ -198,7 +189,7 @@ def _footprint(preferences: TemplateFloorplan, brief: Brief, plan: Partition) ->
         room_ratio = _colon(preferences.Rooms[0].DesiredShape.AspectRatio)
         reason = f"the only room fills the footprint and is wished to be {room_ratio}"
         return Preference.judged(path, wish, reason, "contradictory")
-    rivals = competing_preferences(preferences, brief, plan, FOOTPRINT)
+    rivals = competing_preferences(brief, plan, FOOTPRINT)
     return Preference.judged(path, wish, f"it became {ratio:.2f} instead of {brief.footprint_ratio:.2f}; {rivals}")
 
 
@@ -230,14 +221,13 @@ def _ratio(preferences: TemplateFloorplan, brief: Brief, plan: Partition, number
             f"walls a room of this type is at least {least:g} m"
         )
         return Preference.judged(path, wish, cause, "contradictory")
-    rivals = competing_preferences(preferences, brief, plan, ratio_of(number))
+    rivals = competing_preferences(brief, plan, ratio_of(number))
     return Preference.judged(path, wish, f"it became {actual:.2f} instead of {desired:.2f}; {rivals}")
 
 
 def _connection(
-    preferences: TemplateFloorplan, index: int, pair: Pair, brief: Brief, plan: Partition, left: Counter[Pair]
+    connection: DesiredConnection, index: int, pair: Pair, brief: Brief, plan: Partition, left: Counter[Pair]
 ) -> Preference:
-    connection = preferences.DesiredConnections[index]
     one, other = connection.Location
     path = f"{FLOORPLAN_PATH}.DesiredConnections[{index}]"
     wish = f"{connection.ConnectionType} between {one} and {other}"
@@ -261,8 +251,7 @@ def _connection(
             if longest < needed + INTERIOR_WALL
             else f"their shared wall of {longest * UNIT_M:.2f} m has no room for another doorway"
         )
-    rivals = competing_preferences(preferences, brief, plan, way_of(brief, pair))
-    return Preference.judged(path, wish, f"{reason}; {rivals}")
+    return Preference.judged(path, wish, f"{reason}; {competing_preferences(brief, plan, way_of(brief, pair))}")
 
 
 def _colon(ratio: TemplateAspectRatio) -> str:

@@ -255,42 +255,34 @@ def wishes_are_accounted_for_one_by_one_and_truly(body: WorldTemplateBody, plan:
     assert granted == claimed
 
 
-@pytest.mark.parametrize("version", ["1", "2"])
-def test_what_a_template_leaves_out_is_no_wish(version: str) -> None:
-    """A missed 1:1 that nobody asked for would send people after a fault that is none."""
-    assert generate(parse_template_body(json.dumps({"Version": version}))).wishes == []
-    rooms = [room("Living", "Living", 24, (3, 2)), room("Bath", "Bathroom", 14), {"Type": "Bedroom", "Name": "Bed"}]
-    rooms[1]["DesiredShape"]["AspectRatio"] = {}
+def test_a_default_is_no_wish_that_can_be_missed() -> None:
+    """A missed 1:1 that the template never had would send people after a fault that is none."""
+    open_rooms = [
+        room("Living", "Living", 24, (3, 2)),
+        room("Bed", "Bedroom", 14),
+        {"Type": "Bathroom", "Name": "Bath"},
+    ]
+    open_rooms[1]["DesiredShape"]["AspectRatio"] = {}
+    whole_rooms = [open_rooms[0], room("Bed", "Bedroom", 14), room("Bath", "Bathroom", 20)]
+    unstated = parse_template_body(json.dumps({"Buildings": [{"Floors": [{"Floorplan": {"Rooms": open_rooms}}]}]}))
+    dropped: set[str] = set()
+    for seed in range(8):
+        plan, whole = generate(unstated, seed), generate(template(whole_rooms), seed)
+        assert plan.model_copy(update={"wishes": whole.wishes}) == whole, "a default is still what plans aim at"
+        gone = [wish for wish in whole.wishes if wish not in plan.wishes]
+        assert plan.wishes == [wish for wish in whole.wishes if wish not in gone]
+        assert all(wish.outcome != "satisfied" for wish in gone)
+        dropped |= {wish.path.partition("Floorplan.")[2] for wish in gone}
+        assert all("Rooms[0]" in wish.path for wish in plan.wishes if wish.outcome != "satisfied")
+    assert dropped == {"Footprint.DesiredAspectRatio", "Rooms[1].DesiredShape.AspectRatio"}
 
-    def plan_of(**stated: Any) -> Floorplan:
-        floor = {"Floorplan": {"Rooms": rooms, **stated}}
-        return generate(parse_template_body(json.dumps({"Version": version, "Buildings": [{"Floors": [floor]}]})), 3)
 
-    defaults, stated = plan_of(), plan_of(Footprint={"DesiredAspectRatio": {"x": 1}}, Ceiling={"Height": 3})
-    assert [wish.path.partition("Floorplan.")[2] for wish in defaults.wishes] == [
-        "Rooms[0].DesiredShape.Area", "Rooms[0].DesiredShape.AspectRatio", "Rooms[1].DesiredShape.Area",
+def test_the_outline_of_a_single_room_contradicts_no_default() -> None:
+    hall = {"Rooms": [room("Hall", "Living", 32, (2, 1))]}
+    plan = generate(parse_template_body(json.dumps({"Buildings": [{"Floors": [{"Floorplan": hall}]}]})))
+    assert [wish.wish for wish in plan.wishes] == [
+        "ceiling 3 m above the floor", "Hall of 32 m2", "Hall with aspect ratio 2:1",
     ]  # fmt: skip
-    assert [wish.wish for wish in stated.wishes[:2]] == [
-        "footprint with aspect ratio 1:1",
-        "ceiling 3 m above the floor",
-    ]
-    assert stated.wishes[2:] == defaults.wishes
-    bare = {"wishes": []}
-    assert stated.model_copy(update=bare) == defaults.model_copy(update=bare), "a default is still what plans aim at"
-
-
-def test_a_default_in_the_way_of_a_wish_is_called_a_default() -> None:
-    """Who reads why his wish was missed did not state the other one."""
-    rooms = [room("Living", "Living", 40, (4, 1)), room("Bedroom", "Bedroom", 40, (4, 1))]
-    unstated = parse_template_body(json.dumps({"Buildings": [{"Floors": [{"Floorplan": {"Rooms": rooms}}]}]}))
-    default, stated = (
-        [wish.reason for wish in generate(body, 1).wishes if "Rooms[0].DesiredShape.AspectRatio" in wish.path]
-        for body in (unstated, template(rooms))
-    )
-    assert default == [
-        "it became 2.96 instead of 4.00; the best plan that grants it misses the footprint's 1.00 (a default)"
-    ]
-    assert stated == [default[0].removesuffix(" (a default)")]
 
 
 def windows_lie_on_outer_walls_of_rooms_that_want_light(plan: Floorplan) -> None:
