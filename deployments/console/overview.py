@@ -15,9 +15,9 @@ from ...tasks.catalog import Resource
 from ...tasks.service.references import jobs_meant, name_of, worlds_meant
 from .batches import BATCH, batch_lines
 from .job_states import JOB, Look, job_line, look_of_status
-from .pages.failures import failure_groups
+from .pages.failures import RecordOf, failure_groups
 from .rendering import FOLDERS, HOME, address, render
-from .runs import is_known, latest_runs, since_before
+from .runs import SeenRecords, is_known, latest_runs, since_before
 from .streams import Parts
 from .visit import Visit
 
@@ -56,11 +56,11 @@ def show(visit: Visit) -> Response:
 
 def follow(visit: Visit) -> Response:
     """Streams changes of the overview page."""
-    parts = Parts()
+    parts, records = Parts(), SeenRecords(visit)
 
     def look() -> Iterator[tuple[str, Any]]:
         now = render("overview_now.html.j2", **_now(visit))
-        failures = render("failure_groups.html.j2", **_failures(visit))
+        failures = render("failure_groups.html.j2", **_failures(visit, records.of))
         return parts.news({"now": now, "failures": failures})
 
     return visit.follow(look, _EVERY_S)
@@ -87,8 +87,8 @@ def _open(visit: Visit) -> list[Resource]:
     return [each for some in by_kind.values() for each in some]
 
 
-def _failures(visit: Visit) -> dict[str, Any]:
-    groups = failure_groups(visit)
+def _failures(visit: Visit, record_of_run: RecordOf | None = None) -> dict[str, Any]:
+    groups = failure_groups(visit, record_of_run)
     shown = [each for each in groups if not each.known][:_MOST_FAILURES]
     known = [each for each in groups if each.known][:_MOST_FAILURES]
     return {

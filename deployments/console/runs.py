@@ -1,7 +1,9 @@
 """Pages of finished runs of specifications, from the records in their folders."""
 
+import math
 import re
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from html import unescape
 from itertools import islice
@@ -33,6 +35,9 @@ _MOST_OTHERS = 40
 """Limit of the runs offered for a comparison, as the record of each is read; the page of the history has more."""
 _MOST_OTHERS_SEEN = 20
 """Limit of the runs offered to an access key with restricted resources, as each job of each run is looked up."""
+
+_SEEN_FOR_S = 60.0
+"""Seconds after which a page that is followed asks again whether a run may be seen: changed tags count by then."""
 
 _MOST_VALUES = 21
 """Values of an axis that are linked: the first one and twenty others, as in reports."""
@@ -161,12 +166,18 @@ def _place(run_id: str, visit: Visit) -> Path:
 
 def is_known(name: str, visit: Visit) -> bool:
     """Whether there is a run of that id, which the visitor may see."""
+    path = _record_path(name, visit)
+    if path is None:
+        return False
+    return visit.sees_all or ((record := _read(path, path.stat().st_mtime_ns)) is not None and sees_run(visit, record))
+
+
+def _record_path(name: str, visit: Visit) -> Path | None:
+    """Returns the path of the record of a run that has ended; `None` if there is none."""
     # Longer names are none: the file system would refuse them with an error of its own.
     is_name = "/" not in name and name not in ("", ".", "..") and len(name.encode()) <= 255
     path = _place(name, visit)
-    if not is_name or not path.is_file():
-        return False
-    return visit.sees_all or ((record := _read(path, path.stat().st_mtime_ns)) is not None and sees_run(visit, record))
+    return path if is_name and path.is_file() else None
 
 
 def record_of(run_id: str, visit: Visit) -> RunRecord | None:
@@ -175,6 +186,35 @@ def record_of(run_id: str, visit: Visit) -> RunRecord | None:
         return None
     path = _place(run_id, visit)
     return _read(path, path.stat().st_mtime_ns)
+
+
+class SeenRecords:
+    """Records of runs for a page that is followed: whether the visitor may see a run is asked once a minute.
+
+    The catalog is asked for each job of a run where the key sees only some resources, and the page is made every two
+    seconds.
+
+    Args:
+        visit: The visit.
+        clock: Seconds, from any moment.
+    """
+
+    def __init__(self, visit: Visit, clock: Callable[[], float] = time.monotonic) -> None:
+        self._visit = visit
+        self._clock = clock
+        self._asked: dict[str, tuple[float, bool]] = {}
+
+    def of(self, run_id: str) -> RunRecord | None:
+        """Returns the record of a run that has ended; `None` if there is none that the visitor may see."""
+        path = _record_path(run_id, self._visit)
+        if path is None:  # not remembered: the run may end any moment
+            return None
+        now_s = self._clock()
+        asked_s, is_seen = self._asked.get(run_id, (-math.inf, False))
+        if now_s - asked_s >= _SEEN_FOR_S:
+            is_seen = is_known(run_id, self._visit)
+            self._asked[run_id] = now_s, is_seen
+        return _read(path, path.stat().st_mtime_ns) if is_seen else None
 
 
 def job_in_run(arn: str, run_id: str | None, visit: Visit) -> JobRecord | None:

@@ -21,6 +21,7 @@ class StoredPlace(Part):
 class WorldDocument(Document):
     """Catalog document of a world: its files in the object store, and the template it was generated from."""
 
+    name: str | None = optional("Name that an import gave the world; absent: it is called by its template, or its id.")
     template: str | None = optional("ARN of the template from which the world was generated.")
     template_name: str | None = optional(
         "Name that the template had then, of which the world's name is made; absent: it had none, or an early release "

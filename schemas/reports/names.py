@@ -5,6 +5,7 @@ elsewhere the id stands beside a name.
 """
 
 import re
+import unicodedata
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from difflib import get_close_matches
@@ -25,7 +26,11 @@ NAME_LABEL = "called"
 _LONGEST_LABEL = 255
 """Characters of a label's value; a longer name is found by id only."""
 
+LONGEST_WORLD_NAME = 100
+"""Characters of a name that is given to a world: pages and tables have a line for it."""
+
 _NUMBER_OF_WORLD = re.compile(r"/world-(\d+)")
+_WHOLE_ID = re.compile(r"([a-z]+)-[0-9a-z]{12}(?:/world-\d+)?")
 _RANDOM_PART = re.compile(r"(?:[a-z]+-)?([0-9a-z]*)(?:/.*)?")
 
 
@@ -43,6 +48,25 @@ def world_name(template: str | None, world_id: str) -> str:
     """
     number = _NUMBER_OF_WORLD.search(world_id)
     return f"{' '.join(template.split())} {number[1]}" if template and template.strip() and number else world_id
+
+
+def given_world_name(text: str) -> str:
+    """Returns a name that somebody gives a world, with single blanks, as names of templates have in names of worlds.
+
+    Raises:
+        ValueError: It is no name; the text says what would be right.
+    """
+    name = " ".join(text.split())
+    if not 0 < len(name) <= LONGEST_WORLD_NAME:
+        raise ValueError(f"{len(name)} characters; 1 to {LONGEST_WORLD_NAME} would be right")
+    # Surrogates are what the command line makes of bytes that are no text.
+    if bad := sorted({letter for letter in name if unicodedata.category(letter) in ("Cc", "Cs")}):
+        shown = ", ".join(f"U+{ord(letter):04X}" for letter in bad)
+        raise ValueError(f"a name has no control characters; remove {shown}")
+    whole_id = _WHOLE_ID.fullmatch(name)
+    if name.startswith("arn:") or (whole_id and whole_id[1] in get_args(IdPrefix)):
+        raise ValueError("it would be taken for an ARN or an id; a name for people, such as 'my flat', would be right")
+    return name
 
 
 def name_label(name: str) -> dict[str, list[str]]:

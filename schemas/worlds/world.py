@@ -210,9 +210,9 @@ class Room(Model):
         "Length over width of the floor, at least 1; older generators took the centre lines of the walls, "
         "the oldest say nothing."
     )
-    desired_area_m2: float = Field(description="Floor area that the template asked for, in m².")
+    desired_area_m2: float = Field(description="Floor area that the template asked for, or its default, in m².")
     desired_aspect_ratio: float = Field(
-        description="Aspect ratio (length over width) of the floor that the template asked for."
+        description="Aspect ratio (length over width) of the floor that the template asked for, or its default."
     )
     goal: Point = Field(description="Free position near the room's centre that a robot can reach.")
     floor_material: str = Field(default="Floorboards", description="Material of the floor.")

@@ -227,12 +227,21 @@ class _Axis:
                 return pairs
         return []
 
-    def _placed(self, value: Value, *, with_world: bool) -> dict[CellPlace, JobRecord]:
+    def _placed(self, value: Value, *, with_world: bool) -> dict[tuple[CellPlace, int], JobRecord]:
+        """Returns the jobs of a value by their place, and a number that keeps those of one place apart.
+
+        As with trials of one seed: the first of a place has the first one there as its partner, the second the second.
+        """
         jobs = [job for job in self.jobs if job.axes.get(self.name) == value]
         places = [place_beside(job, self.name, with_world=with_world) for job in jobs]
-        times = Counter(places)
-        # Jobs of one place in several worlds do not have theirs from the axes, so that nothing says which are a pair.
-        return {place: job for place, job in zip(places, jobs, strict=True) if with_world or times[place] == 1}
+        times, before = Counter(places), Counter[CellPlace]()
+        placed: dict[tuple[CellPlace, int], JobRecord] = {}
+        for place, job in zip(places, jobs, strict=True):
+            # Jobs of one place in several worlds do not have theirs from the axes: nothing says which are a pair.
+            if with_world or times[place] == 1:
+                placed[place, before[place]] = job
+            before[place] += 1
+        return placed
 
     @property
     def _of_step(self) -> set[str]:

@@ -191,8 +191,14 @@ def has_all_commands(outputs: RunOutputs) -> bool:
 
 
 def _has_boxes() -> bool:
-    """Returns whether jobs of this machine can run in a box, though they do not."""
-    tried = subprocess.run(
-        [sys.executable, "-m", _LEVELS], capture_output=True, text=True, check=False, timeout=_BOX_TIMEOUT_S
-    )
+    """Returns whether jobs of this machine can run in a box, though they do not.
+
+    A machine that does not say so in time counts as one without: the search goes on with what it can hold.
+    """
+    try:
+        tried = subprocess.run(
+            [sys.executable, "-m", _LEVELS], capture_output=True, text=True, check=False, timeout=_BOX_TIMEOUT_S
+        )
+    except (subprocess.TimeoutExpired, OSError):
+        return False
     return tried.returncode == 0 and json.loads(tried.stdout)["level"] == "box"

@@ -61,7 +61,7 @@ def _names(worlds: Mapping[str, Resource], service: Service) -> dict[str, str]:
     for arn, document in documents.items():
         template = templates.get(document.template or "")
         now = template.name if template is not None else None
-        names[arn] = world_name(document.template_name or now, worlds[arn].id)
+        names[arn] = document.name or world_name(document.template_name or now, worlds[arn].id)
     return names
 
 
@@ -132,15 +132,20 @@ def find_by_id(wanted: str, kinds: Sequence[Kind], service: Service, besides: st
 
 
 def worlds_meant(wanted: str, service: Service) -> list[Resource]:
-    """Lists the worlds that a text may mean, newest first: those with this ARN, id or its beginning, else this name.
+    """Lists the worlds that a text may mean, newest first; of equal worlds of one name only the newest.
 
-    Of worlds with the same content and name only the newest is listed. The list is empty if there is none.
+    An ARN or a whole id goes before names, and names before beginnings of ids: `flat` may be both.
     """
     found = _by_arn_or_id(wanted, WORLD, service)
-    if found:
+    if wanted.startswith("arn:") or any(each.id == wanted for each in found):
         return found
+    return worlds_named(wanted, service) or found
+
+
+def worlds_named(name: str, service: Service) -> list[Resource]:
+    """Lists the worlds of a name, newest first; of equal worlds only the newest."""
     contents: dict[str, Resource] = {}
-    for world in chain(_with_label(wanted, WORLD, service), _early_worlds(wanted, service)):
+    for world in chain(_with_label(name, WORLD, service), _early_worlds(name, service)):
         bundle = WorldDocument.of(world).bundle
         contents.setdefault(bundle.last_part if bundle else world.id, world)
         if len(contents) == _MOST:

@@ -7,10 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...schemas.documents.worlds import StoredPlace, WorldDocument
+from ...schemas.reports.names import name_label
 from ...schemas.wire.arns import IdPrefix, new_id
+from ...schemas.wire.errors import ConfigurationError
 from ...schemas.worlds.description import DESCRIPTION_FILE
 from ...schemas.worlds.world import GazeboSource, World
 from ..catalog import Resource
+from ..service.references import worlds_named
 from ..service.service import Service
 from ..service.store_retries import at_once, patiently
 from ..worldforge.bundle.bundle import content_hash, read_world, write_bundle
@@ -22,7 +25,13 @@ if TYPE_CHECKING:
 
 
 def keep_world(
-    world: World, prefix: IdPrefix, tags: dict[str, str], service: Service, *, origin: str | None = None
+    world: World,
+    prefix: IdPrefix,
+    tags: dict[str, str],
+    service: Service,
+    *,
+    origin: str | None = None,
+    name: str | None = None,
 ) -> Resource:
     """Stores the files of an imported or varied world, and adds it to the catalog.
 
@@ -32,15 +41,17 @@ def keep_world(
         tags: Tags of the world.
         service: The service, with its catalog and object store.
         origin: Identifier of the world's inputs, by which it is found again.
+        name: Name for people, from `given_world_name`; absent: the world is called by its id.
 
     Raises:
+        ConfigurationError: Another world has the name.
         StorageError: The files cannot be stored.
     """
 
     def write(folder: Path) -> None:
         write_bundle(world, folder)
 
-    return keep_bundle(write, prefix, tags, service, origin=origin)
+    return keep_bundle(write, prefix, tags, service, origin=origin, name=name)
 
 
 def keep_variation(
@@ -79,6 +90,7 @@ def keep_bundle(
     service: Service,
     *,
     origin: str | None = None,
+    name: str | None = None,
 ) -> Resource:
     """Stores a world's files, and adds the world to the catalog.
 
@@ -88,17 +100,39 @@ def keep_bundle(
         tags: Tags of the world.
         service: The service, with its catalog and object store.
         origin: Identifier of the world's inputs, by which it is found again.
+        name: Name for people, from `given_world_name`; absent: the world is called by its id.
 
     Raises:
+        ConfigurationError: Another world has the name.
         StorageError: The files cannot be stored.
     """
     with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
         folder = Path(scratch, "bundle")
         write(folder)
         place = StoredPlace(bucket=service.settings.bucket, prefix=f"{WORLDS_PREFIX}/{content_hash(folder)}")
-        labels = {BUNDLE_LABEL: [bundle_label(place)], **({ORIGIN_LABEL: [origin]} if origin else {})}
+        if name is not None:
+            _check_free(name, place, service)
+        labels = {
+            BUNDLE_LABEL: [bundle_label(place)],
+            **({ORIGIN_LABEL: [origin]} if origin else {}),
+            **name_label(name or ""),
+        }
+        document = WorldDocument(name=name, bundle=place, description_key=f"{place.prefix}/{DESCRIPTION_FILE}")
         held = replace(service, store=at_once(service.store))
-        return patiently(service.store, place.bucket, lambda: _kept(folder, place, prefix, tags, labels, held))
+        return patiently(
+            service.store, place.bucket, lambda: _kept(folder, place, prefix, tags, labels, document, held)
+        )
+
+
+def _check_free(name: str, place: StoredPlace, service: Service) -> None:
+    """Raises an error if another world has the name; of worlds with the same files the newest has it."""
+    for other in worlds_named(name, service):
+        bundle = WorldDocument.of(other).bundle
+        if bundle is None or bundle.last_part != place.last_part:
+            raise ConfigurationError(
+                f"the name {name!r} is taken by {other.id}, another world; a name that is free would be right, "
+                "or to delete that world first"
+            )
 
 
 def _kept(
@@ -107,17 +141,18 @@ def _kept(
     prefix: IdPrefix,
     tags: dict[str, str],
     labels: dict[str, list[str]],
+    document: WorldDocument,
     service: Service,
 ) -> Resource:
-    name = new_id(prefix, service.chance)
+    own_id = new_id(prefix, service.chance)
     resource = Resource.new(
-        arn=service.arn("world", name),
+        arn=service.arn("world", own_id),
         kind="world",
-        id=name,
+        id=own_id,
         status="Active",
         tags=tags,
         labels=labels,
-        document=WorldDocument(bundle=place, description_key=f"{place.prefix}/{DESCRIPTION_FILE}"),
+        document=document,
     )
     with bundle_held(place, service):
         publish_bundle(service, place.prefix, folder, service.clock())

@@ -172,9 +172,7 @@ def fact_lines(facts: dict[str, Any]) -> list[Line]:
         *_head(facts),
         [],
         [("rooms", "bold")],
-        *_table(
-            [("name", "type", "area", "wished", "aspect", "wished", "floor", "walls", "pieces", "loose")], _rooms(facts)
-        ),
+        *_table([("name", "type", "area", "aim", "aspect", "aim", "floor", "walls", "pieces", "loose")], _rooms(facts)),
         *_ways(facts),
         [],
         [("proofs", "bold")],

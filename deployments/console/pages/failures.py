@@ -53,14 +53,18 @@ class FailureGroup:
         return f"{HOME}/failures?{urlencode({name: value for name, value in members.items() if value})}"
 
 
-def failure_groups(visit: Visit) -> list[FailureGroup]:
+def failure_groups(visit: Visit, record_of_run: RecordOf | None = None) -> list[FailureGroup]:
     """Groups the failures among the newest jobs that a visitor may see, by specification and reason.
+
+    Args:
+        visit: The visit.
+        record_of_run: As for `grouped`, called once a run; absent: whether the visitor may see the run is asked anew.
 
     Returns:
         The groups, by the time of the newest failure of their specifications and then of their own.
     """
     page = visit.service.catalog.list(JOB, limit=_LOOKED_AT, members=JobInBrief.members())
-    return grouped(visit.seen(page.resources), cache(lambda run_id: record_of(run_id, visit)))
+    return grouped(visit.seen(page.resources), cache(record_of_run or (lambda run_id: record_of(run_id, visit))))
 
 
 def grouped(jobs: Iterable[Resource], record_of_run: RecordOf) -> list[FailureGroup]:

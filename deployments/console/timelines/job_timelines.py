@@ -31,14 +31,12 @@ from ..files import local_file, published, read_small
 from ..job_states import JOB
 from ..visit import Visit
 from .margin_drawings import MarginDrawing, draw_margins
-from .recorded_poses import ODOMETRY, Pose, RecordedPoses, fits, read_poses, thinned
+from .recorded_poses import ODOMETRY, SLACK_S, Pose, RecordedPoses, fits, read_poses, thinned
 from .run_marks import Mark, first_violation, marks_of
 
 VIDEOS = ("last-10s.mp4", "video.mp4")
 """File names of a run's videos, the one that shows the end first."""
 _RECORDING = "recording.mcap"
-_SLACK_S = 0.15
-"""Seconds by which a video may end beside the run, besides two frames: control steps are that long at most."""
 RUNS_ON = "The time line comes when the job has ended: only then its recording is complete."
 """Sentence for the page of a job that has not ended."""
 
@@ -161,7 +159,7 @@ def _poses(
     name = timeline.folder + _RECORDING
     if place is not None and name in files:
         found = _read(place, name, service)
-        if found.poses and fits(found.poses, path):
+        if found.poses and fits(found.poses, path, timeline.end_s):
             return found
         missing = found.missing or f"The places on {ODOMETRY} are not those of result.json."
     places = [Pose(time_s, x, y, None) for time_s, x, y in path]
@@ -196,7 +194,7 @@ def _in_step(name: str, recorded: RunTimeline | None, result: RunResult | None) 
     times = None if recorded is None else recorded.videos.get(name)
     if times is None or result is None:
         return times
-    slack_s = 2 / times.rate_hz + _SLACK_S
+    slack_s = 2 / times.rate_hz + SLACK_S
     return times if abs(times.ends_s - result.sim_time_s) <= slack_s else None
 
 

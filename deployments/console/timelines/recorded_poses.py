@@ -22,6 +22,8 @@ _MOST_BYTES = 512 * 1024 * 1024
 
 _NEAR_M = 0.25
 """Distance in metres up to which a pose is that of the path: a fast robot drives as far in a few samples."""
+SLACK_S = 0.15
+"""Seconds by which a recording or video may begin or end beside its run: control steps are that long at most."""
 _HEADER_BYTES = 4
 """Bytes before the content of an encoded message, which say the order of its bytes."""
 _STAMP_BYTES = 8
@@ -89,17 +91,21 @@ def _pose(time_ns: int, data: bytes) -> Pose:
     return Pose(time_ns / 1e9, x, y, yaw_rad((turn_w, turn_x, turn_y, turn_z)))
 
 
-def fits(poses: Sequence[Pose], path: Sequence[tuple[float, float, float]]) -> bool:
+def fits(poses: Sequence[Pose], path: Sequence[tuple[float, float, float]], end_s: float) -> bool:
     """Whether poses are the places of a robot in its world, and their times simulated ones.
 
-    Nodes may publish on the same topic: odometry that drifts, from another origin, or by another clock.
+    Nodes may publish on the same topic: odometry that drifts, from another origin, or by another clock. A robot that
+    stands is where any clock says it is, so that times have to be those of the run besides.
 
     Args:
         poses: Poses in the order of their times.
         path: (simulated time in s, x, y) of the robot, from the result; without one nothing says that they fit.
+        end_s: Simulated time at the end of the run, in seconds.
     """
     times = [each.time_s for each in poses]
-    return bool(path) and all(
+    if not path or not times or times[0] < -SLACK_S or times[-1] > end_s + SLACK_S:
+        return False
+    return all(
         math.dist((x, y), poses[max(0, bisect_left(times, time_s + 1e-6) - 1)][1:3]) <= _NEAR_M for time_s, x, y in path
     )
 

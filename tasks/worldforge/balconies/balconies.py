@@ -16,6 +16,7 @@ from ..doors.doors import hang_doors
 from ..floorplans.brief import RATIO_TOLERANCE, deviation, length_over_width
 from ..floorplans.connections import AREA_TOLERANCE
 from ..floorplans.floorplan import generate_floorplan
+from ..floorplans.preferences import is_stated, reported
 from .building import with_balcony
 from .sites import Site, sites
 
@@ -143,16 +144,18 @@ def _place(preference: Preference) -> tuple[int, int]:
 
 
 def _shape(number: int, wished: TemplateRoom, room: Room) -> Iterator[Preference]:
-    """Yields the outcome of a balcony's area and aspect ratio."""
+    """Yields the outcome of a balcony's area and aspect ratio, but no default that is missed."""
     shape, path = wished.DesiredShape, f"{FLOORPLAN_PATH}.Rooms[{number}].DesiredShape"
     near = abs(room.floor_m2 / shape.Area - 1) <= AREA_TOLERANCE
     reason = "" if near else f"its floor became {room.floor_m2:.1f} m2 instead of {shape.Area:g} m2"
-    yield Preference.judged(f"{path}.Area", f"{room.name} of {shape.Area:g} m2", reason)
+    area = Preference.judged(f"{path}.Area", f"{room.name} of {shape.Area:g} m2", reason)
+    yield from reported(area, stated="DesiredShape" in wished.model_fields_set)
     actual, desired = room.aspect_ratio or 1.0, room.desired_aspect_ratio
     ratio = f"{shape.AspectRatio.x:g}:{shape.AspectRatio.y:g}"
     why = f"it became {actual:.2f} instead of {desired:.2f}; a balcony is 1.2 to 2.5 m deep and as long as its wall"
     is_near = deviation(actual, desired) <= RATIO_TOLERANCE
-    yield Preference.judged(f"{path}.AspectRatio", f"{room.name} with aspect ratio {ratio}", "" if is_near else why)
+    outcome = Preference.judged(f"{path}.AspectRatio", f"{room.name} with aspect ratio {ratio}", "" if is_near else why)
+    yield from reported(outcome, stated=is_stated(shape.AspectRatio))
 
 
 def _ways(wished: TemplateFloorplan, plan: Floorplan, outside: frozenset[str]) -> Sequence[Preference]:

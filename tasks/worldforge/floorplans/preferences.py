@@ -151,16 +151,31 @@ def _names(brief: Brief) -> list[str]:
 def preference_report(
     preferences: TemplateFloorplan, brief: Brief, plan: Partition, ways: list[Way]
 ) -> list[Preference]:
-    """Reports for every floor plan preference of the template whether the world satisfies it."""
-    report = [_footprint(preferences, brief, plan), _ceiling(preferences)]
-    for number in range(len(preferences.Rooms)):
-        report += [_area(preferences, plan, number), _ratio(preferences, brief, plan, number)]
+    """Reports for every floor plan preference of the template whether the world satisfies it.
+
+    What the template leaves out has a default, at which the search aims as well: it is no wish, so that none is missed.
+    """
+    ratio = preferences.Footprint.DesiredAspectRatio
+    report = [*reported(_footprint(preferences, brief, plan), stated=is_stated(ratio)), _ceiling(preferences)]
+    for number, room in enumerate(preferences.Rooms):
+        report += reported(_area(preferences, plan, number), stated="DesiredShape" in room.model_fields_set)
+        report += reported(_ratio(preferences, brief, plan, number), stated=is_stated(room.DesiredShape.AspectRatio))
     left = Counter(way.pair for way in ways if way.requested)
     for index, connection in enumerate(preferences.DesiredConnections):
         low, high = sorted(brief.names.index(name) for name in connection.Location)
         report.append(_connection(connection, index, (low, high), brief, plan, left))
         left[low, high] -= 1
     return report
+
+
+def reported(preference: Preference, *, stated: bool) -> list[Preference]:
+    """Returns what the report says of a preference: nothing where a world misses a default."""
+    return [preference] if stated or preference.outcome == "satisfied" else []
+
+
+def is_stated(ratio: TemplateAspectRatio) -> bool:
+    """Whether a template states an aspect ratio: `{}`, or none at all, leaves it to the default."""
+    return bool(ratio.model_fields_set)
 
 
 def _footprint(preferences: TemplateFloorplan, brief: Brief, plan: Partition) -> Preference:

@@ -16,6 +16,7 @@ from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
 from prefect_robomaker.deployments.spec_runs.spec_runs import Standing, write_standing
 from prefect_robomaker.schemas.reports.run_record import RunRecord, StepRecord
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
+from prefect_robomaker.tasks.inspection.reports import report_of_world
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
 from prefect_robomaker.tasks.worldforge.pictures import preview
@@ -315,11 +316,15 @@ def test_requests_are_counted_and_logged(visitor: Visitor, tmp_path: Any) -> Non
     assert 'robomaker_http_requests_total{operation="console-stream",status="404"} 1.0' in metrics
 
 
-def test_the_gallerys_picture_of_a_world_is_drawn_when_it_is_looked_at(
+def test_an_imported_world_has_its_name_and_its_picture_is_drawn_when_it_is_looked_at(
     service: Service, browser: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     world = generate_world(WorldTemplateBody.model_validate(BODY), *seeds_for(7, 0, 0), settle=False)
-    kept = keep_world(world, "import", {}, service)
+    kept = keep_world(world, "import", {}, service, name="my <flat>")
     monkeypatch.setattr(preview, "render_preview", lambda _: b"picture")
     picture = browser.get(f"/console/worlds/{kept.id}/preview.png")
     assert (picture.status_code, picture.headers["content-type"], picture.content) == (200, "image/png", b"picture")
+    for page in ("/console/worlds", f"/console/worlds/{kept.id}"):
+        assert "my &lt;flat&gt;" in browser.get(page).text, page
+    assert report_of_world(kept.arn, service).worlds[0].name == "my <flat>"
+    assert browser.get("/console/search?q=my+%3Cflat%3E").headers["location"] == f"/console/worlds/{kept.id}"

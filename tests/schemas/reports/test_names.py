@@ -1,5 +1,6 @@
 """Names that people give, and what each means."""
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -7,6 +8,7 @@ from prefect_robomaker.schemas.reports.names import (
     ambiguous,
     application_name,
     begins_id,
+    given_world_name,
     job_name,
     meant,
     near_names,
@@ -25,6 +27,31 @@ def test_a_world_is_its_template_and_number() -> None:
     for unnamed in (None, "", "  "):
         assert world_name(unnamed, "generation-82856b0yq33y/world-3") == "generation-82856b0yq33y/world-3"
     assert world_name("flat", "import-82856b0yq33y") == "import-82856b0yq33y"
+
+
+def test_a_given_name_has_single_blanks_and_letters_of_any_script() -> None:
+    assert given_world_name("  Tante  Ernas Küche\t2 ") == "Tante Ernas Küche 2"
+    assert given_world_name("x" * 100) == "x" * 100
+    for like_an_id in ("import-kitchen", "import", "room-82856b0yq33y", "flat 3", "8285"):
+        assert given_world_name(like_an_id) == like_an_id
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("", "0 characters; 1 to 100 would be right"),
+        (" \t", "0 characters"),
+        ("x" * 101, "101 characters; 1 to 100"),
+        ("a\x1b[2Jb", r"remove U\+001B"),
+        ("a\udc80b", r"remove U\+DC80"),
+        (WORLD + "import-82856b0yq33y", "taken for an ARN or an id"),
+        ("import-82856b0yq33y", "taken for an ARN or an id"),
+        ("generation-82856b0yq33y/world-3", "taken for an ARN or an id"),
+    ],
+)
+def test_a_text_that_cannot_name_a_world_is_refused(name: str, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        given_world_name(name)
 
 
 def test_a_job_is_its_application_and_world() -> None:

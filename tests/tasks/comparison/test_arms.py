@@ -130,6 +130,23 @@ def test_jobs_of_one_cell_in_several_worlds_have_no_partner_in_another_one() -> 
     assert compared(jobs) == []
 
 
+def test_jobs_of_one_cell_are_kept_apart() -> None:
+    """A step that lists a job twice: the second one must not take the place of the first, and of its failure."""
+    first, again = arm("FP", "scout"), arm("PP", "scout")
+    again = [job.model_copy(update={"label": f"{job.label} again"}) for job in again]
+    twice = [job.model_copy(update={"label": f"{job.label} again"}) for job in arm("PF", "rover")]
+
+    [found] = compared([*first, *again, *arm("PP", "rover"), *twice])
+    assert found.rate is not None
+    assert (found.pairs, found.unpaired, found.rate.before, found.rate.after) == (4, 0, 0.75, 0.75)
+
+    [found] = compared([*first, *again, *arm("PP", "rover")])
+    assert (found.pairs, found.unpaired) == (2, 2)
+    assert found.rate is not None
+    assert (found.rate.before, found.rate.after) == (0.5, 1.0), "the partners are the first ones"
+    assert "2 trials without a partner" in found.why
+
+
 def test_values_that_look_alike_have_a_row_each_and_what_has_none_is_said() -> None:
     jobs = [*arm("P", "scout", speed=1.0), *arm("F", "scout", speed="1")]
     [speed] = [each for each in results_of(jobs) if each.axis == "speed"]

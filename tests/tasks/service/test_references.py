@@ -29,9 +29,12 @@ MOMENT = datetime(2026, 3, 2, tzinfo=UTC)
 def keep(service: Service) -> Callable[..., Resource]:
     """Stores a world without files, as generation jobs do: with its name, unless it is of an early release."""
 
-    def stored(world_id: str, content: str, *, name: str | None = "flat", template: str | None = None) -> Resource:
+    def stored(
+        world_id: str, content: str, *, name: str | None = "flat", template: str | None = None, own: bool = False
+    ) -> Resource:
         document: dict[str, Any] = {"bundle": {"bucket": "b", "prefix": f"worlds/{content}"}, "template": template}
-        label = name_label(f"{name} {world_id.rpartition('-')[2]}") if name else {}
+        number = "" if own else f" {world_id.rpartition('-')[2]}"
+        label = name_label(f"{name}{number}") if name else {}
         return service.catalog.create(
             Resource.new(
                 arn=service.arn("world", world_id),
@@ -39,7 +42,7 @@ def keep(service: Service) -> Callable[..., Resource]:
                 id=world_id,
                 status="Active",
                 labels={**label, **({"templateId": [template.rpartition("/")[2]]} if template else {})},
-                document={**document, **({"templateName": name} if name else {})},
+                document={**document, **({"name" if own else "templateName": name} if name else {})},
             ),
             token=None,
         )
@@ -54,6 +57,15 @@ def test_a_world_is_found_by_arn_id_beginning_and_name(service: Service, keep: C
         assert find_world(wanted, service).arn == first.arn, wanted
     assert find_world("8285/world-2", service).arn == second.arn
     assert find_world("generation-8285z", service).arn == other.arn
+
+
+def test_a_given_name_goes_before_the_beginning_of_an_id(service: Service, keep: Callable[..., Resource]) -> None:
+    """Ids are random: one may begin as a name does that somebody gave another world."""
+    by_id, named = keep("import-flat56b0yq33", "a", name=None), keep("import-xxxx56b0yq33", "b", name="flat", own=True)
+    assert name_of_world(named, service) == "flat"
+    assert find_world("flat", service).arn == named.arn
+    assert find_world("flat56", service).arn == by_id.arn
+    assert find_world("import-flat", service).arn == by_id.arn
 
 
 def test_a_world_that_is_not_there_is_told_with_what_is_near(service: Service, keep: Callable[..., Resource]) -> None:

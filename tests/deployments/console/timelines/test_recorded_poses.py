@@ -3,10 +3,11 @@
 import math
 from pathlib import Path
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.deployments.console.timelines.recorded_poses import Pose, read_poses, thinned
+from prefect_robomaker.deployments.console.timelines.recorded_poses import Pose, fits, read_poses, thinned
 from prefect_robomaker.tasks.runtime.recording import messages as ros
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
 
@@ -39,6 +40,31 @@ def test_what_has_no_poses_says_why(tmp_path: Path) -> None:
     with McapRecorder(path) as recorder:
         recorder.write("/clock", ros.Clock(ros.Time(1, 0)), 1.0)
     assert read_poses(path).missing == "The recording has no poses on /odom."
+
+
+STANDS = [(time_s, 1.0, 2.0) for time_s in (0.0, 5.0, 10.0)]
+"""Path of a robot that never moves."""
+
+
+@pytest.mark.parametrize(
+    ("times_s", "drift_mps", "do_fit"),
+    [
+        ((0.0, 5.0, 10.0), 0.0, True),
+        ((0.02, 4.0), 0.0, True),  # its odometry ends early, and it stands where it stood
+        ((0.0, 10.1), 0.0, True),  # within a control step
+        ((0.0, 10.0), 0.1, False),  # its wheels spin
+        ((1.7e9, 1.7e9 + 10), 0.0, False),  # times of a wall clock
+        ((0.0, 5.0, 1.7e9), 0.0, False),
+        ((-7.0, 3.0), 0.0, False),
+        ((), 0.0, False),
+    ],
+)
+def test_poses_of_a_robot_that_stands_fit_by_their_places_and_times(
+    times_s: tuple[float, ...], drift_mps: float, do_fit: bool
+) -> None:
+    poses = [Pose(time_s, 1.0 + drift_mps * time_s, 2.0, 0.0) for time_s in times_s]
+    assert fits(poses, STANDS, end_s=10.0) == do_fit
+    assert not fits(poses, [], end_s=10.0), "nothing says where it was"
 
 
 @given(st.integers(1, 3000), st.lists(st.floats(0, 60), max_size=20), st.integers(2, 40))

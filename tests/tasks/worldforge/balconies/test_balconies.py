@@ -155,6 +155,25 @@ def test_wishes_have_the_paths_and_the_order_of_the_template(flat: World) -> Non
     assert told["DesiredConnections[3]"] == "Doorway between Bed and Loggia"
 
 
+def test_a_balcony_misses_no_default() -> None:
+    """A square balcony is too deep for any; its area is another one's default."""
+    whole = json.loads(
+        document((("Balcony", "Balcony", 8.0, 1), *ROOMS[1:3], ("Loggia", "Balcony", 20.0, 1), ROOMS[4]))
+    )
+    unstated = json.loads(json.dumps(whole))
+    rooms = unstated["Buildings"][0]["Floors"][0]["Floorplan"]["Rooms"]
+    rooms[0]["DesiredShape"]["AspectRatio"] = {}
+    del rooms[3]["DesiredShape"]
+    missed = [
+        {wish.path.partition("Floorplan.")[2] for wish in plan.wishes if wish.outcome == "missed"}
+        for plan in (whole_floorplan(parse_template_body(json.dumps(each)), 1) for each in (whole, unstated))
+    ]
+    assert missed[0] - missed[1] == {
+        "Rooms[0].DesiredShape.AspectRatio", "Rooms[3].DesiredShape.Area", "Rooms[3].DesiredShape.AspectRatio",
+    }  # fmt: skip
+    assert missed[1] <= missed[0]
+
+
 def test_only_railings_have_a_height_in_the_world_file(flat: World) -> None:
     tops = [wall.get("top_m", "none") for wall in json.loads(flat.to_text())["floorplan"]["walls"]]
     assert tops.count(1.0) == 6

@@ -255,6 +255,36 @@ def wishes_are_accounted_for_one_by_one_and_truly(body: WorldTemplateBody, plan:
     assert granted == claimed
 
 
+def test_a_default_is_no_wish_that_can_be_missed() -> None:
+    """A missed 1:1 that the template never had would send people after a fault that is none."""
+    open_rooms = [
+        room("Living", "Living", 24, (3, 2)),
+        room("Bed", "Bedroom", 14),
+        {"Type": "Bathroom", "Name": "Bath"},
+    ]
+    open_rooms[1]["DesiredShape"]["AspectRatio"] = {}
+    whole_rooms = [open_rooms[0], room("Bed", "Bedroom", 14), room("Bath", "Bathroom", 20)]
+    unstated = parse_template_body(json.dumps({"Buildings": [{"Floors": [{"Floorplan": {"Rooms": open_rooms}}]}]}))
+    dropped: set[str] = set()
+    for seed in range(8):
+        plan, whole = generate(unstated, seed), generate(template(whole_rooms), seed)
+        assert plan.model_copy(update={"wishes": whole.wishes}) == whole, "a default is still what plans aim at"
+        gone = [wish for wish in whole.wishes if wish not in plan.wishes]
+        assert plan.wishes == [wish for wish in whole.wishes if wish not in gone]
+        assert all(wish.outcome != "satisfied" for wish in gone)
+        dropped |= {wish.path.partition("Floorplan.")[2] for wish in gone}
+        assert all("Rooms[0]" in wish.path for wish in plan.wishes if wish.outcome != "satisfied")
+    assert dropped == {"Footprint.DesiredAspectRatio", "Rooms[1].DesiredShape.AspectRatio"}
+
+
+def test_the_outline_of_a_single_room_contradicts_no_default() -> None:
+    hall = {"Rooms": [room("Hall", "Living", 32, (2, 1))]}
+    plan = generate(parse_template_body(json.dumps({"Buildings": [{"Floors": [{"Floorplan": hall}]}]})))
+    assert [wish.wish for wish in plan.wishes] == [
+        "ceiling 3 m above the floor", "Hall of 32 m2", "Hall with aspect ratio 2:1",
+    ]  # fmt: skip
+
+
 def windows_lie_on_outer_walls_of_rooms_that_want_light(plan: Floorplan) -> None:
     types = {item.name: item.type for item in plan.rooms}
     outer = [wall for wall in plan.walls if wall.exterior]

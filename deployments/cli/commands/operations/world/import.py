@@ -38,6 +38,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
         help="plan.svg or plan.dxf, a map for Nav2, map.yaml, a world for Gazebo, x.world or x.sdf, or a workspace or "
         "bundle with such worlds",
     )
+    parser.add_argument(
+        "--name",
+        help="the world's name, by which commands, reports and the console know it (default: it is called by its id)",
+    )
     parser.add_argument("--notes", metavar="FILE", help="YAML file beside the drawing (default: PLAN with .yaml)")
     parser.add_argument(
         "--scale", metavar="M", help='metres for one unit of the drawing, or a scale on paper such as "1:50"'
@@ -75,7 +79,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from ......tasks.worlds.workspaces import is_workspace
     from ....output.world_facts import print_kept
 
-    plan = Path(arguments.plan)
+    plan, arguments.name = Path(arguments.plan), _name(arguments.name)
     if is_workspace(plan):
         arn = _keep_of_workspace(arguments)
     elif arguments.world is not None:
@@ -148,7 +152,7 @@ def _keep_drawn(arguments: argparse.Namespace) -> str:
     has_notes = arguments.notes or (drawing.suffix.lower() in READERS and beside.is_file())
     source = Source(drawing, beside if has_notes else None)
     world = import_world(source, _notes(source, arguments.scale), _seed(arguments.seed))
-    return keep_world(world, "import", {}, open_service()).arn
+    return keep_world(world, "import", {}, open_service(), name=arguments.name).arn
 
 
 def _keep_gazebo(
@@ -177,7 +181,20 @@ def _keep_gazebo(
         allow_missing=arguments.allow_missing,
         notes=read_yaml(beside, GazeboNotes) if arguments.notes or beside.is_file() else GazeboNotes(),
     )
-    return keep_bundle(lambda folder: write_gazebo_bundle(wanted, folder), "import", {}, open_service()).arn
+    service = open_service()
+    return keep_bundle(
+        lambda folder: write_gazebo_bundle(wanted, folder), "import", {}, service, name=arguments.name
+    ).arn
+
+
+def _name(text: str | None) -> str | None:
+    from ......schemas.reports.names import given_world_name
+    from ......schemas.wire.errors import ConfigurationError
+
+    try:
+        return text if text is None else given_world_name(text)
+    except ValueError as error:
+        raise ConfigurationError(f"--name {text!r}: {error}") from error
 
 
 def _folder(name: str) -> Path:

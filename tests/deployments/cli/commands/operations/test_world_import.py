@@ -78,6 +78,19 @@ def test_equal_imports_share_a_bundle_that_goes_with_the_last_of_them(robomaker)
     assert json.loads(json.loads(described.out)["worldDescriptionBody"])["source"]["file"] == "flat.svg"
 
 
+def test_an_import_has_the_name_that_it_is_given(robomaker) -> None:
+    refused = robomaker("world", "import", FLAT, "--name", "import-82856b0yq33y")
+    assert (refused.code, refused.out) == (2, "")
+    assert "--name 'import-82856b0yq33y': it would be taken for an ARN or an id" in refused.err
+    arn, verdict = robomaker("world", "import", FLAT, "--name", "grandma's  flat").out.splitlines()[:2]
+    assert verdict == f"grandma's flat ({arn.rpartition('/')[2]}): all guarantees hold"
+    facts = json.loads(robomaker("world", "show", "grandma's flat", "-o", "json").out)
+    assert (facts["arn"], facts["name"]) == (arn, "grandma's flat")
+    taken = robomaker("world", "import", FLAT, "--seed", 1, "--name", "grandma's flat")
+    assert (taken.code, taken.out) == (2, "")
+    assert f'the name "grandma\'s flat" is taken by {facts["id"]}' in taken.err
+
+
 def test_the_example_of_the_page_is_a_world(robomaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     page = (REPOSITORY / "docs" / "world-import.md").read_text()

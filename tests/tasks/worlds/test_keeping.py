@@ -1,0 +1,43 @@
+"""Worlds that no generation job made: the names that people give them."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from prefect_robomaker.schemas.wire.errors import ConfigurationError
+from prefect_robomaker.tasks.operations.registry import call
+from prefect_robomaker.tasks.service.references import find_world, name_of_world
+from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.worlds.keeping import keep_bundle
+
+
+def writing(content: str) -> Callable[[Path], None]:
+    """Makes a function that writes a bundle of one file."""
+
+    def write(folder: Path) -> None:
+        folder.mkdir()
+        (folder / "world.json").write_text(content)
+
+    return write
+
+
+def test_a_named_world_is_found_by_its_name_and_its_files_do_not_know_it(service: Service) -> None:
+    named = keep_bundle(writing("a"), "import", {}, service, name="my kitchen")
+    unnamed = keep_bundle(writing("a"), "import", {}, service)
+    assert find_world("my kitchen", service).arn == named.arn
+    assert name_of_world(named, service) == "my kitchen"
+    assert name_of_world(unnamed, service) == unnamed.id
+    assert named.document["bundle"] == unnamed.document["bundle"], "a name is no part of a world"
+
+
+def test_a_name_is_of_one_world_whose_newest_import_has_it(service: Service) -> None:
+    first = keep_bundle(writing("a"), "import", {}, service, name="kitchen")
+    again = keep_bundle(writing("a"), "import", {}, service, name="kitchen")
+    assert first.arn != again.arn == find_world("kitchen", service).arn
+    with pytest.raises(ConfigurationError, match=f"the name 'kitchen' is taken by {again.id}, another world"):
+        keep_bundle(writing("b"), "import", {}, service, name="kitchen")
+    assert len(call("ListWorlds", {}, service)["worldSummaries"]) == 2, "the refused one is not stored"
+    call("BatchDeleteWorlds", {"worlds": [first.arn, again.arn]}, service)
+    other = keep_bundle(writing("b"), "import", {}, service, name="kitchen")
+    assert find_world("kitchen", service).arn == other.arn
