@@ -260,9 +260,7 @@ class VideoWatcher(Observer):
             sys.stderr.write(f"No video: {self._error}.\n")
         if self._error:
             return Findings({"video_error": self._error})
-        return Findings(
-            {"video_backend": self._backend} | ({"video_begins_s": self._begins_s} if self._begins_s else {})
-        )
+        return Findings({"video_backend": self._backend})
 
     def times(self) -> dict[str, FilmTimes]:
         """Returns the simulated times that the finished video shows, by its file name; empty without one."""
