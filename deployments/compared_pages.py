@@ -7,7 +7,6 @@ from ..schemas.reports.changes import ChangedInput
 from ..schemas.reports.comparison import Comparison
 from ..schemas.reports.report import ReportedFile
 from ..schemas.reports.run_record import JobRecord, RunRecord
-from ..tasks.comparison.better_or_worse import compare
 from ..tasks.comparison.compared_runs import NightRun, name_of
 from ..tasks.comparison.failure_starts import changed_nights
 from ..tasks.comparison.pairing import Pair, pair_jobs
@@ -42,6 +41,9 @@ class Sides:
             after: Second run, B.
             comparison: Their comparison; None: it is made, with an error probability of 5 %.
         """
+        # Imported late: tests of statistics need scipy, 0.2 s of CPU time when `serve` starts.
+        from ..tasks.comparison.better_or_worse import compare
+
         runs = NightRun.of(before), NightRun.of(after)
         pairing = pair_jobs(before.jobs, after.jobs)
         changed = changed_nights(*runs)

@@ -25,8 +25,8 @@ print(json.dumps(seen))
             "from prefect_robomaker.tasks.operations.registry import registry; registry()": set[str](),
             # `run`, until it has not refused.
             "import prefect_robomaker.tasks.inspection.preflight": set[str](),
-            # `serve`: scipy compares runs on its page of nights.
-            "import prefect_robomaker.deployments.console.console": {"scipy"},
+            # `serve`.
+            "import prefect_robomaker.deployments.console.console": set(),
         },
         {
             # Beside the Prefect server.
