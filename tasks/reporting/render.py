@@ -10,6 +10,7 @@ from functools import cache
 from importlib.metadata import version
 from importlib.util import cache_from_source
 from pathlib import Path
+from pickle import UnpicklingError
 
 import jinja2
 from jinja2.bccache import Bucket
@@ -180,6 +181,13 @@ class _CompiledTemplates(jinja2.FileSystemBytecodeCache):
 
     Compiling the templates of a report takes 0.2 s of CPU time.
     """
+
+    def load_bytecode(self, bucket: Bucket) -> None:
+        """Reads a compiled template from its file, if there is one of the same source."""
+        with suppress(
+            OSError, EOFError, UnpicklingError
+        ):  # also a file that a full disk cut off: the template is compiled again
+            super().load_bytecode(bucket)
 
     def dump_bytecode(self, bucket: Bucket) -> None:
         """Writes a compiled template to its file."""
