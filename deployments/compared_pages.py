@@ -11,7 +11,6 @@ from ..schemas.reports.changes import ChangedInput
 from ..schemas.reports.comparison import Comparison
 from ..schemas.reports.report import ReportedFile
 from ..schemas.reports.run_record import JobRecord, RunRecord
-from ..tasks.comparison.better_or_worse import compare
 from ..tasks.comparison.compared_runs import NightRun, name_of
 from ..tasks.comparison.pairing import Pair, pair_jobs
 from ..tasks.comparison.side_by_side import StepAxis, by_change, has_changed, pair_cells, requirements_beside, was_run
@@ -47,6 +46,9 @@ class Sides:
             after: Second run, B.
             comparison: Their comparison; None: it is made, with an error probability of 5 %.
         """
+        # Imported late: tests of statistics need scipy, 0.2 s of CPU time when `serve` starts.
+        from ..tasks.comparison.better_or_worse import compare
+
         pairing = pair_jobs(before.jobs, after.jobs)
         comparison = comparison or compare(*map(NightRun.of, (before, after)))
         changed = comparison.changed

@@ -7,7 +7,8 @@ from typing import Any
 
 import httpx
 from prefect import Flow
-from prefect.settings import PREFECT_API_URL, PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
+from prefect.context import SettingsContext, get_settings_context
+from prefect.settings import PREFECT_API_URL
 
 from ..schemas.lifecycles import is_terminal
 from ..schemas.reports.run_states import FlowResult
@@ -70,12 +71,16 @@ def perform(operation: str, arn: str) -> tuple[dict[str, Any], FlowResult]:
 def without_heartbeat() -> Generator[None]:
     """Turns off Prefect's heartbeat inside the `with` block, as every flow waits a second for it at its end.
 
-    If it is off already, as in the steps of a pipeline, nothing is changed: changing settings of Prefect takes 0.1 s.
+    The settings are copied: `temporary_settings` of Prefect reads them all again, which takes 0.08 s of CPU time.
+    If it is off already, as in the steps of a pipeline, nothing is changed.
     """
-    if PREFECT_FLOWS_HEARTBEAT_FREQUENCY.value() is None:
+    context = get_settings_context()
+    if context.settings.flows.heartbeat_frequency is None:
         yield
         return
-    with temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}):
+    flows = context.settings.flows.model_copy(update={"heartbeat_frequency": None})
+    settings = context.settings.model_copy(update={"flows": flows})
+    with SettingsContext(profile=context.profile, settings=settings):
         yield
 
 

@@ -10,11 +10,12 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from contextvars import ContextVar
 from datetime import datetime
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import httpx
-from prefect import flow
+from prefect import State
 from prefect.logging import get_run_logger
 from prefect.runtime import deployment, flow_run
 from prefect.states import Cancelled
@@ -63,6 +64,7 @@ from ..tasks.operations.step_operations import existing_resource, step_registry
 from ..tasks.service.catalog_wait import once_catalog_answers
 from ..tasks.service.service import Progress, Service
 from .lookup import perform, without_heartbeat
+from .operation_flow import LightFlow
 
 _NO_FILE = "specification"
 
@@ -93,7 +95,7 @@ def run_spec(wanted: WantedRun, settings: Settings, listener: ProgressListener) 
     try:
         with without_heartbeat():
             continues = run.run_id if run.interruptions else None
-            state = RunPipeline(spec=wanted.spec_path, continues=continues, return_state=True)
+            state = cast("State[Any]", RunPipeline(spec=wanted.spec_path, continues=continues, return_state=True))
         if isinstance(state.data, KeyboardInterrupt):
             raise state.data
     except KeyboardInterrupt as interruption:
@@ -118,7 +120,7 @@ def run_name() -> str:
     return str(given.get("spec") or given.get("origin") or _NO_FILE)
 
 
-@flow(name="RunPipeline", flow_run_name=run_name)
+@partial(LightFlow, name="RunPipeline", flow_run_name=run_name)
 def RunPipeline(
     spec: str | None = None,
     text: str | None = None,

@@ -1,13 +1,16 @@
 """Discovery of plugin classes: in the modules of a package, and in installed distributions by entry points."""
 
 from collections.abc import Callable, Iterable
+from functools import cache
 from importlib import import_module
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pkgutil import iter_modules
 from types import ModuleType
 from typing import TypeVar
 
 from .wire.errors import ConfigurationError
+
+_GROUPS = "prefect_robomaker."
 
 
 def modules_of(package: str, kind: str) -> list[ModuleType]:
@@ -43,8 +46,8 @@ def named(kind: str) -> dict[str, str]:
     Raises:
         ConfigurationError: Two modules have the same name.
     """
-    found, group = dict[str, str](), f"prefect_robomaker.{kind}"
-    for entry in sorted(entry_points(group=group)):
+    found, group = dict[str, str](), f"{_GROUPS}{kind}"
+    for entry in sorted(each for each in _entry_points() if each.group == group):
         if found.setdefault(entry.name, entry.value) != entry.value:
             raise ConfigurationError(
                 f"installed distributions name two modules {entry.name!r} in {group}, {found[entry.name]} and "
@@ -79,6 +82,13 @@ def classes_of(
                         raise ConfigurationError(f"{each.__module__} and {found[name].__module__} are both {name!r}")
                     found[name] = each
     return found
+
+
+@cache
+def _entry_points() -> list[EntryPoint]:
+    """Finds the entry points of all kinds; once, as it reads a file of each distribution: 10 ms of CPU time."""
+    found = entry_points()
+    return [entry for group in found.groups if group.startswith(_GROUPS) for entry in found.select(group=group)]
 
 
 def _modules(name: str) -> list[ModuleType]:

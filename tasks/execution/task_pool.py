@@ -153,7 +153,7 @@ def as_task(name: str, part: Callable[[], Result], /) -> Result:
 
 def step_runner() -> RunStep:
     """Returns the function that runs steps here: `as_task` inside a flow run, else `directly`."""
-    return directly if _flow_run() is None else as_task
+    return directly if current_flow_run() is None else as_task
 
 
 @contextmanager
@@ -166,7 +166,7 @@ def shown_as(name: str, message: str) -> Generator[None]:
         name: The name, such as `AwaitingApproval`.
         message: Text for the user.
     """
-    run = _flow_run()
+    run = current_flow_run()
     if run is None:
         yield
         return
@@ -182,13 +182,14 @@ def show_note(key: str, markdown: str) -> None:
 
     Does nothing outside a flow run.
     """
-    if _flow_run() is not None:
+    if current_flow_run() is not None:
         from .prefect_artifacts import show_text
 
         show_text(key, markdown, "What the job waits for")
 
 
-def _flow_run() -> "UUID | None":
+def current_flow_run() -> "UUID | None":
+    """Returns the id of the Prefect flow run that this code runs in, without importing Prefect; `None` outside one."""
     context = sys.modules.get("prefect.context")  # without Prefect there is no flow run, and importing it takes seconds
     found = None if context is None else context.FlowRunContext.get()
     return None if found is None or found.flow_run is None else found.flow_run.id

@@ -42,6 +42,7 @@ from ..causes.explanation import explain
 from ..causes.stored import write_why
 from ..comparison.compared_runs import NightRun
 from ..execution.prefect_events import tell_of_report
+from ..execution.task_pool import current_flow_run
 from ..reporting import Outcome, case_names, classify, junit_xml, markdown_report, summarize, write_report
 from ..reporting.console_pages import ConsolePages, pages_elsewhere
 from ..reporting.nights.changes import losses_in_words
@@ -260,7 +261,9 @@ def _publish(
     report: Report, records: Sequence[JobRecord], results: ResultTable, folder: Path, pages: ConsolePages
 ) -> Path:
     path = write_report(report, folder / REPORT_NAME, results)
-    _show(report, records, path, pages)
+    # Prefect, a second of CPU time to import, is there in a flow run only: `robomaker report` does without.
+    if current_flow_run() is not None:
+        _show(report, records, path, pages)
     return path
 
 
@@ -565,7 +568,7 @@ def _in_a_line(job: JobRecord, pages: ConsolePages) -> str:
 
 
 def _show(report: Report, jobs: Sequence[JobRecord], path: Path, pages: ConsolePages) -> None:
-    # Imports Prefect, which the console does not need: it only reads.
+    # Imported late: the console, which only reads, does not need Prefect.
     from ..execution.prefect_artifacts import artifact_key, show_jobs, show_picture, show_summary
 
     rows: list[dict[str, Any]] = [

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-_HEAVY = ("prefect", "scipy", "mujoco", "dm_control", "dm_env", "glfw", "trimesh", "pyarrow")
+_HEAVY = ("prefect", "fastapi", "scipy", "mujoco", "dm_control", "dm_env", "glfw", "trimesh", "pyarrow")
 _PROGRAM = f"""
 import json, sys
 seen = []
@@ -25,8 +25,8 @@ print(json.dumps(seen))
             "from prefect_robomaker.tasks.operations.registry import registry; registry()": set[str](),
             # `run`, until it has not refused.
             "import prefect_robomaker.tasks.inspection.preflight": set[str](),
-            # `serve`: scipy compares runs on its page of nights.
-            "import prefect_robomaker.deployments.console.console": {"scipy"},
+            # `serve`.
+            "import prefect_robomaker.deployments.console.console": set[str](),
         },
         {
             # Beside the Prefect server.
@@ -35,6 +35,9 @@ print(json.dumps(seen))
             # display dm_control warns on standard error.
             "import prefect_robomaker.tasks.jobs.job_runs": {"prefect"},
             "import prefect_robomaker.flows.pipelines": {"prefect"},
+            # A call: Prefect's own flows import FastAPI for its parameters.
+            "import prefect_robomaker as our; our.RunPipeline.serialize_parameters({'spec': 'a'})": {"prefect"},
+            "import prefect_robomaker as our; our.CreateSimulationJob.serialize_parameters({'a': [1]})": {"prefect"},
         },
     ],
     ids=["requests", "runs"],

@@ -1,15 +1,19 @@
 """Operations called from Python: one sentence for a wrong call, and no traceback of Prefect's engine."""
 
+import json
 import traceback
 from collections.abc import Callable
+from datetime import UTC, datetime
 from typing import Any
 
 import prefect.flow_engine
 import pytest
-from prefect import flow, task
+from prefect import Flow, flow, task
+from prefect.states import Completed
 
 from prefect_robomaker.flows import operations
 from prefect_robomaker.flows.lookup import find_flow
+from prefect_robomaker.flows.operation_flow import LightFlow
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, ResourceNotFoundException, RobomakerError
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
@@ -115,3 +119,25 @@ def test_a_call_without_what_has_a_default_does_it(service: Service, prefect_ser
     assert NO_WORLD in str(error)
     assert "iamRole" not in str(error)
     assert "outputLocation" not in str(error)
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        {"a": [1, 2.5, None, "ä"], "b": {"c": True}},
+        ("a", 1),
+        datetime(2026, 1, 2, tzinfo=UTC),
+        {datetime(2026, 1, 2, tzinfo=UTC): 1},
+        {1, 2},
+        object(),
+        Completed(),
+    ],
+    ids=repr,
+)
+def test_parameters_are_stored_as_prefect_stores_them(value: Any) -> None:
+    def body(value: Any) -> Any:
+        return value
+
+    light, own = (made(body).serialize_parameters({"value": value}) for made in (LightFlow, Flow))
+
+    assert json.dumps(light) == json.dumps(own)

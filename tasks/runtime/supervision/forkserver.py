@@ -59,6 +59,7 @@ def main() -> None:
     the error is sent there. An interrupt (Ctrl-C) is ignored.
     """
     control = socket.socket(fileno=int(sys.argv[1]))
+    gc.disable()  # until all is imported, which stays
     try:
         for name in _MODULES:
             importlib.import_module(name)
@@ -71,6 +72,7 @@ def main() -> None:
     confinement = Confinement("none", f"{SANDBOX_VARIABLE} is off") if is_off else strongest_level()
     gc.collect()
     gc.freeze()  # keeps the collector from touching, and so copying, the shared pages in each run
+    gc.enable()
     from ..process.rehearsal import rehearsal_room, rehearse
 
     with rehearsal_room() as room:

@@ -1,11 +1,13 @@
 import io
 import os
 import re
+import sys
 from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import jinja2
 import pytest
 from helpers.paths import REPOSITORY
 from PIL import Image
@@ -15,7 +17,7 @@ from prefect_robomaker.schemas.reports.forecast import ForecastCheck
 from prefect_robomaker.schemas.reports.report import Report, ReportedFile, ReportedStep
 from prefect_robomaker.schemas.runs.programs import ToolEnds
 from prefect_robomaker.schemas.worlds.world import World
-from prefect_robomaker.tasks.reporting import render_report, summarize, write_report
+from prefect_robomaker.tasks.reporting import page_environment, render_report, summarize, write_report
 
 ATTACK = "</pre></title><script>alert(1)</script><img src=x onerror=alert(2)>\"'&"
 _VOID = {"meta", "link", "img", "br", "hr", "input"}
@@ -365,3 +367,38 @@ def test_colours_have_enough_contrast(theme: str) -> None:
         for ink, ground in pairs:
             high, low = sorted((_luminance(colours[ink]), _luminance(colours[ground])), reverse=True)
             assert (high + 0.05) / (low + 0.05) >= wanted, f"{theme}: {ink} on {ground}"
+
+
+def test_templates_are_compiled_once_and_again_where_nothing_may_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compiled: list[str] = []
+    compile_template = jinja2.Environment.compile
+
+    def note(self: jinja2.Environment, source: str, name: str | None = None, *rest: Any, **more: Any) -> Any:
+        compiled.append(str(name))
+        return compile_template(self, source, name, *rest, **more)
+
+    monkeypatch.setattr(jinja2.Environment, "compile", note)
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    monkeypatch.setattr(sys, "pycache_prefix", str(tmp_path / "kept"))
+    folder = tmp_path / "templates"
+    folder.mkdir()
+    template = folder / "some.j2"
+
+    def page(text: str) -> str:
+        template.write_text(text)
+        return page_environment(folder).get_template("some.j2").render(value="<")
+
+    assert [page("a {{ value }}"), page("a {{ value }}"), page("b {{ value }}")] == ["a &lt;", "a &lt;", "b &lt;"]
+    assert compiled == ["some.j2"] * 2, "it was changed once"
+
+    (kept,) = (tmp_path / "kept").rglob("*.cache")
+    kept.write_bytes(kept.read_bytes()[:16])  # cut off
+    assert page("b {{ value }}") == "b &lt;"
+    assert compiled == ["some.j2"] * 3
+
+    (tmp_path / "file").touch()
+    monkeypatch.setattr(sys, "pycache_prefix", str(tmp_path / "file"))  # no folder can be made there
+    assert [page("b {{ value }}"), page("b {{ value }}")] == ["b &lt;"] * 2
+    assert compiled == ["some.j2"] * 5
