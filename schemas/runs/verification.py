@@ -103,7 +103,7 @@ HELD_IN_WORDS: Mapping[Factor, str] = {
     "threads": "with one processor, and threads that take turns only when they wait",
     "order": "with no other job beside",
     "files": "with empty folders for temporary files",
-    "hash": "with PYTHONHASHSEED=0 and fixed addresses",
+    "hash": "with one PYTHONHASHSEED and fixed addresses",
     "network": "without a network",
 }
 """Descriptions of how each factor is held in a rerun."""
@@ -125,9 +125,12 @@ FLAKY_EXIT_CODES: Mapping[FlakyAnswer, int] = {
 
 
 class TriedHold(Model):
-    """Ends of all reruns of a job that held the same factors."""
+    """Ends of all reruns of a job that held the same factors at the same values."""
 
     held: list[Factor] = Field(description="Factors that were held; empty: none.")
+    values: dict[Factor, int] = Field(
+        default={}, description="Numbers of the values at which seed, time and hash were held, where it is not 0."
+    )
     ends: dict[str, int] = Field(description="Number of reruns by verdict, or by failure code.")
     ways: int = Field(ge=1, description="Number of different ways to the bit, of commands and states.")
 
@@ -180,7 +183,10 @@ class Flakiness(Model):
             free = [each for each in self.tried if each.held and self.decides not in each.held]
             words = HELD_IN_WORDS[self.decides]
             lines.append(f"{FACTOR_IN_WORDS[self.decides]} decides ({self.probability:.0%}).")
-            lines.append(f"{words[0].upper()}{words[1:]}: {_summed(held)}.")
+            for value in sorted({each.values.get(self.decides, 0) for each in held}):
+                at_it = [each for each in held if each.values.get(self.decides, 0) == value]
+                how = f"{words[0].upper()}{words[1:]}" if value == 0 else f"At value {value} of it"
+                lines.append(f"{how}: {_summed(at_it)}.")
             if free:
                 lines.append(f"Without, while others were held: {_summed(free)}.")
         elif self.answer == "not decided":

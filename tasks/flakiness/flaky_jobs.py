@@ -7,7 +7,7 @@ from datetime import datetime, timedelta
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.reports.report import ReportedJob
 from ...schemas.reports.run_record import RunRecord
-from ...schemas.runs.verification import FACTORS, Flakiness, TriedHold
+from ...schemas.runs.verification import FACTORS, Flakiness, Side, TriedHold
 from ...schemas.wire.errors import RobomakerError
 from ..catalog import Resource
 from ..inspection.found_runs import FoundRun, found_run, scratch_folder
@@ -82,7 +82,7 @@ def examine(
 def _examined(blank: Flakiness, trials: Trials, most: int) -> Flakiness:
     first = trials.first_observation()
     found = search(trials.try_out, trials.weights, most - REPLAYS, first)
-    side, where = ("unknown", None) if found.repeats else side_of(trials, most - len(trials.made))
+    side, where, notes = ("unknown", None, []) if found.repeats else _side(trials, most)
     free = (each for each in found.observations if not each.held)
     is_end_seen = trials.first_end in {None, *(each.verdict for each in free)}
     answer = "decided" if found.decision else "repeats" if found.repeats and is_end_seen else "not decided"
@@ -96,6 +96,7 @@ def _examined(blank: Flakiness, trials: Trials, most: int) -> Flakiness:
             "decides": found.decision.factor if found.decision else None,
             "probability": round(found.decision.probability, 4) if found.decision else None,
             "side": side,
+            "notes": [*blank.notes, *notes],
             "verdict": trials.first_end,
             "has_states": trials.have_states,
             "reruns": len(trials.made) + trials.replays,
@@ -106,15 +107,24 @@ def _examined(blank: Flakiness, trials: Trials, most: int) -> Flakiness:
     )
 
 
+def _side(trials: Trials, most: int) -> tuple[Side, str | None, list[str]]:
+    """Finds the side; what reruns have decided stays, if the simulation cannot be run again without its robot."""
+    try:
+        return *side_of(trials, most - len(trials.made)), []
+    except NotRerunError as error:
+        return "unknown", None, [f"The simulation could not be run again with recorded commands: {error}."]
+
+
 def _tried(observations: Sequence[Observation]) -> list[TriedHold]:
     """Returns reruns by what they held, those that held least first."""
-    sets = sorted({each.held for each in observations}, key=lambda held: (len(held), sorted(held)))
+    holds = sorted({each.hold for each in observations}, key=lambda hold: (len(hold.held), *map(sorted, hold)))
     tried: list[TriedHold] = []
-    for held in sets:
-        same = [each for each in observations if each.held == held]
+    for hold in holds:
+        same = [each for each in observations if each.hold == hold]
         tried.append(
             TriedHold(
-                held=[each for each in FACTORS if each in held],
+                held=[each for each in FACTORS if each in hold.held],
+                values=dict(sorted(hold.values)),
                 ends=dict(Counter(each.verdict for each in same)),
                 ways=len({each.bits for each in same}),
             )

@@ -14,7 +14,7 @@ from ...schemas.runs.verification import Factor
 from ..runtime.process import held_sources
 from ..runtime.process.held_sources import HELD_VARIABLE, MARK_VARIABLE
 from ..runtime.process.run_request import RunRequest
-from .evidence import UNUSED, Held, Weights
+from .causes import UNUSED, UNWATCHED, Held, Hold, Weights
 
 _INSIDE: tuple[Factor, ...] = ("seed", "time", "threads", "hash")
 """Factors that programs hold themselves."""
@@ -71,15 +71,16 @@ def programs_of(request: RunRequest) -> list[str]:
     return [_OF_SIMULATION, *programs] if request.plan.has_episode else programs
 
 
-def held_request(request: RunRequest, held: Held, marks: Marks) -> RunRequest:
+def held_request(request: RunRequest, hold: Hold, marks: Marks) -> RunRequest:
     """Makes the request of a rerun that holds factors.
 
     Args:
         request: Request of a rerun that holds none.
-        held: Factors to hold.
+        hold: Factors to hold, with their values.
         marks: Folder of the rerun.
     """
-    inside = ",".join(each for each in _INSIDE if each in held)
+    held, values = hold.held, dict(hold.values)
+    inside = ",".join(f"{each}:{values[each]}" if each in values else each for each in _INSIDE if each in held)
     programs = [_held_program(each, request, inside, marks) for each in request.plan.programs]
     environment = {HELD_VARIABLE: inside, MARK_VARIABLE: str(marks.path(_OF_SIMULATION))}
     plan = request.plan.model_copy(update={"programs": programs})
@@ -128,4 +129,9 @@ def weights_of(used: set[str], *, is_watched: bool, box: BoxPlan, can_box: bool,
         factors.append("files")  # in a box, nothing is left behind
     if has_neighbours:
         factors.append("order")
-    return {each: 1.0 if each in used or not is_watched or each == "order" else UNUSED for each in factors}
+    if "order" in used and not has_neighbours:
+        used = used | {"network"}  # other programs of the machine can have the address
+    unused: dict[Factor, float] = {"hash": UNWATCHED}
+    return {
+        each: 1.0 if each in used or not is_watched or each == "order" else unused.get(each, UNUSED) for each in factors
+    }

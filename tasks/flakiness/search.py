@@ -13,19 +13,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from ...schemas.runs.verification import FACTOR_IN_WORDS, FACTORS
-from .evidence import BESIDE_NETWORK, ENOUGH, Decision, Evidence, Held, Observation, Weights, sets_of
+from .causes import VALUED, Held, Hold, Values, Weights, at_values
+from .evidence import ENOUGH, Decision, Evidence, Observation, contrasts_of, sets_of
 
 MOST_RERUNS = 20
 """Reruns of one job: 20 of a minute are what somebody waits for."""
-BASELINE = 6
+BASELINE = 5
 """Reruns with nothing held whose ways differ, before it is asked what decides the way: of jobs whose verdict flips
-every other time, one in 32 ends alike in all of them.
+every other time, one in 16 ends alike in all of them.
 """
-QUIET = 8
-"""Reruns that are alike before a job is said to repeat: with one that flips every other time it happens once in 128."""
+QUIET = 10
+"""Reruns that are alike before a job is said to repeat: with one that flips every other time it happens once in 512."""
 ALL_HELD = 2
 """Reruns with everything held, before others hold less; those bring more evidence of the same."""
-
+MOST_VALUES = 4
+"""Values of all factors at once: of four, two at least have different ends in seven of eight cases."""
 LIKELY = 0.5
 """Posterior from which a factor alone is left free: it is more probable than all else together."""
 CONTRASTS = 3
@@ -33,7 +35,7 @@ CONTRASTS = 3
 HOPELESS = 0.99
 """Posterior of "none of them" or of two factors from which no more reruns are spent; few of these say little."""
 
-TryOut = Callable[[Held], Sequence[Observation]]
+TryOut = Callable[[Hold], Sequence[Observation]]
 """Function that runs the job again with some factors held; several reruns where jobs run beside each other."""
 
 
@@ -66,11 +68,12 @@ def search(
     seen: list[Observation] = [first] if first is not None else []
     most += len(seen)
     while len(seen) < min(most, QUIET) and not _has_flipped(seen):
-        seen.extend(try_out(frozenset()))
+        seen.extend(try_out(Hold(frozenset())))
     if len({each.bits for each in seen}) <= 1:
         return Found(tuple(seen), None)
-    for _ in range(min(ALL_HELD, most - len(seen))):
-        seen.extend(try_out(frozenset(weigh())))
+    for value in range(min(ALL_HELD, most - len(seen))):
+        everything: Held = frozenset(weigh())
+        seen.extend(try_out(at_values(everything, _all_at(everything, value))))
     while len(seen) < most:
         factors = _held_in_fact(weigh(), seen)
         evidence = Evidence(seen, factors)
@@ -91,17 +94,53 @@ def _held_in_fact(weights: Weights, seen: Sequence[Observation]) -> Weights:
     return {factor: weight for factor, weight in weights.items() if factor in held}
 
 
-def _next(seen: Sequence[Observation], factors: Weights, evidence: Evidence) -> Held:
-    """Returns the factors that the next rerun holds: all but a likely one a few times, else what tells most."""
+def _next(seen: Sequence[Observation], factors: Weights, evidence: Evidence) -> Hold:
+    """Returns what the next rerun holds: what a likely factor has yet to show, else what tells most."""
+    everything: Held = frozenset(factors)
+    rare, other = _values(seen, everything, evidence)
     of_factors = evidence.of_factors()
     likely = max(factors, key=lambda each: of_factors[frozenset((each,))])
-    # A held network would hold neighbours and files, too.
-    with_it = {likely, "network"} if likely in BESIDE_NETWORK else {likely}
-    others: Held = frozenset(factors) - with_it
-    contrasts = sum(each.held == others for each in seen)
-    if of_factors[frozenset((likely,))] >= LIKELY and contrasts < CONTRASTS:
-        return others
-    return evidence.most_telling(sets_of(factors, evidence))
+    moved: list[Values] = [
+        {**rare, each: other.get(each, 0)} for each in everything if rare.get(each, 0) != other.get(each, 0)
+    ]
+    new = 1 + max((number for each in seen for _, number in each.values), default=0)
+    if of_factors[frozenset((likely,))] >= LIKELY:
+        others, alone = contrasts_of(likely, everything)
+        is_shown = evidence.is_shown(likely)
+        tried = {dict(each.values).get(likely, 0) for each in seen if each.held == everything}
+        if not is_shown and likely in VALUED and (moved or len(tried) < MOST_VALUES):
+            changed: Values = {**rare, likely: other.get(likely, 0) if moved else new}
+            return at_values(everything, changed)
+        if not is_shown and sum(each.held == others for each in seen) < CONTRASTS:
+            return at_values(others, rare)
+        if not evidence.is_held_alone(likely):
+            return at_values(alone, rare)
+        if not is_shown:
+            return at_values(others, rare)
+    valued = sum(probability for of, probability in of_factors.items() if of & VALUED)
+    if valued >= LIKELY and rare == other and new < MOST_VALUES:
+        return at_values(everything, _all_at(everything, new))
+    holds = [at_values(each, rare) for each in sets_of(factors, evidence)]
+    return evidence.most_telling([*holds, *(at_values(everything, each) for each in moved)])
+
+
+def _all_at(factors: Held, value: int) -> Values:
+    return {each: value for each in factors}  # noqa: C420 (its keys would be text)
+
+
+def _values(seen: Sequence[Observation], everything: Held, evidence: Evidence) -> tuple[Values, Values]:
+    """Returns the values with the rarest end, and some with another end; the same if there are none.
+
+    An end that is rare while a factor is free tells more, if it repeats, than one that comes anyway.
+    """
+    free = [evidence.label(each) for each in seen if not each.held]
+    held = [each for each in seen if each.held == everything]
+    if not held:
+        return {}, {}
+    rare = min(held, key=lambda each: free.count(evidence.label(each)))
+    different = [each for each in held if evidence.label(each) != evidence.label(rare)]
+    other = min(different, key=lambda each: len(each.values ^ rare.values), default=rare)
+    return dict(rare.values), dict(other.values)
 
 
 def _has_flipped(free: Sequence[Observation]) -> bool:

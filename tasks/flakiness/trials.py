@@ -20,7 +20,8 @@ from ..runtime.process.run_request import RunRequest
 from ..runtime.replay.replay import RunOutputs, read_outputs, rerun_plan, why_other_inputs
 from ..service.service import Service
 from ..simulations.containers.cleanup import remove_containers
-from .evidence import Held, Observation, Weights
+from .causes import Hold, Weights
+from .evidence import Observation
 from .holding import Marks, held_request, programs_of, weights_of
 
 _LEVELS = "prefect_robomaker.tasks.runtime.sandbox.levels"
@@ -66,16 +67,16 @@ class Trials:
     _is_watched: bool = True
     _begun: int = 0
 
-    def try_out(self, held: Held) -> list[Observation]:
+    def try_out(self, hold: Hold) -> list[Observation]:
         """Runs the job again, with a copy beside where its neighbours are not held.
 
         Raises:
             NotRerunError: It cannot be run again as it was.
         """
-        copies = 2 if self.has_neighbours and "order" not in held else 1
+        copies = 2 if self.has_neighbours and "order" not in hold.held else 1
         with ThreadPoolExecutor(copies) as pool:
             folders = [self._folder() for _ in range(copies)]
-            trials = list(pool.map(lambda folder: self._run(held, folder), folders))
+            trials = list(pool.map(lambda folder: self._run(hold, folder), folders))
         if not self.made and (reasons := self._other_inputs(trials[0].outputs)):
             raise NotRerunError("; ".join(reasons))
         self.made.extend(trials)
@@ -103,7 +104,7 @@ class Trials:
         run = replace(self.run, outputs=trial.outputs)
         outcome, outputs = self._carry_out(run, self._folder(), lambda request, _: request)
         self.on_rerun(len(self.made) + self.replays)
-        return Trial(observation_of(frozenset(), outcome, outputs), outputs)
+        return Trial(observation_of(Hold(frozenset()), outcome, outputs), outputs)
 
     @property
     def have_states(self) -> bool:
@@ -126,13 +127,13 @@ class Trials:
         self._begun += 1
         return self.scratch / str(self._begun)
 
-    def _run(self, held: Held, folder: Path) -> Trial:
+    def _run(self, hold: Hold, folder: Path) -> Trial:
         marked: list[tuple[Marks, list[str]]] = []
 
         def adjust(request: RunRequest, marks: Marks) -> RunRequest:
             self._box = request.box
             marked.append((marks, programs_of(request)))
-            return held_request(request, held, marks)
+            return held_request(request, hold, marks)
 
         # Its robot drives again: no recorded actions take its place.
         run = replace(self.run, outputs=replace(self.run.outputs, actions=None))
@@ -140,7 +141,8 @@ class Trials:
         marks, programs = marked[0]
         self._used |= marks.used()
         self._is_watched = self._is_watched and marks.are_watched(programs)
-        return Trial(observation_of(marks.held(held, programs), outcome, outputs), outputs)
+        held = marks.held(hold.held, programs)
+        return Trial(observation_of(hold.only(held)._replace(held=held), outcome, outputs), outputs)
 
     def _carry_out(
         self, run: FoundRun, folder: Path, adjust: Callable[[RunRequest, Marks], RunRequest]
@@ -162,10 +164,10 @@ class Trials:
         return why_other_inputs(self.run.outputs.provenance, again.provenance)
 
 
-def observation_of(held: Held, outcome: RunOutcome, outputs: RunOutputs) -> Observation:
+def observation_of(hold: Hold, outcome: RunOutcome, outputs: RunOutputs) -> Observation:
     """Returns what is compared of a rerun."""
     verdict = outputs.result.verdict if outputs.result else outcome.failure_code or outcome.status
-    return Observation(held, verdict, _bits(verdict, outputs))
+    return Observation(hold.held, verdict, _bits(verdict, outputs), hold.values)
 
 
 def _bits(verdict: str, outputs: RunOutputs) -> str:

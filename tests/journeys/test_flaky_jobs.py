@@ -12,15 +12,17 @@ from helpers.paths import BUNDLES
 from prefect_robomaker.schemas.reports.report import ReportedJob
 from prefect_robomaker.schemas.runs.verification import Flakiness
 from prefect_robomaker.tasks.flakiness.flaky_jobs import FEWEST_RERUNS, examine
+from prefect_robomaker.tasks.flakiness.search import MOST_RERUNS
+from prefect_robomaker.tasks.flakiness.trials import NotRerunError, Trials
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import pack_tar_gz
 
 pytestmark = pytest.mark.deep
 
 
-def examined(arn: str, service: Service) -> Flakiness:
+def examined(arn: str, service: Service, most: int = FEWEST_RERUNS) -> Flakiness:
     jobs = [ReportedJob(label=arn, status="Completed", arn=arn)]
-    return examine(jobs[0], jobs, service, FEWEST_RERUNS)
+    return examine(jobs[0], jobs, service, most)
 
 
 def ran(cause: Mapping[str, Any], service: Service) -> tuple[str, Mapping[str, str]]:
@@ -57,3 +59,38 @@ def test_equal_ends_of_a_job_without_states_are_not_the_same_bits(service: Servi
     found = examined(arn, service)
     assert (found.answer, found.has_states) == ("repeats", False)
     assert "bit by bit" not in str(found)
+
+
+def test_a_simulation_that_kicks_at_random_is_the_side(service: Service, tmp_path: Path) -> None:
+    """The robot's commands are the same each time; the walkway kicks it back in its tenth step, or not."""
+    upload(service, tmp_path)
+    arn, _ = ran({"choice": "fast", "walkway": "entropy"}, service)
+    found = examined(arn, service, MOST_RERUNS)
+    assert found.side == "simulation"
+    assert found.reruns <= MOST_RERUNS
+    assert found.decides in ("seed", None)
+    assert (found.first_difference or "").startswith("at 0.50 s")
+
+
+def test_what_decides_is_said_though_commands_cannot_be_replayed(
+    service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    upload(service, tmp_path)
+    arn, _ = ran({"choice": "unseeded", "noise": "gauss"}, service)
+
+    def replay(_self: Trials, _trial: object) -> None:
+        raise NotRerunError("no room for it")
+
+    monkeypatch.setattr(Trials, "replay", replay)
+    found = examined(arn, service, MOST_RERUNS)
+    assert (found.decides, found.side) == ("seed", "unknown")
+    assert found.notes == ["The simulation could not be run again with recorded commands: no room for it."]
+
+
+@pytest.mark.parametrize(("choice", "verdict"), [("fast", "PASS"), ("slow", "FAIL")])
+def test_jobs_without_chance_repeat_bit_by_bit(service: Service, tmp_path: Path, choice: str, verdict: str) -> None:
+    upload(service, tmp_path)
+    arn, _ = ran({"choice": choice}, service)
+    found = examined(arn, service)
+    assert (found.answer, found.verdict) == ("repeats", verdict)
+    assert "repeats bit by bit" in str(found)

@@ -15,7 +15,7 @@ from ..states.checkpoint_files import CheckpointError, RunTakenError, discard_ch
 from ..states.provenance import machine_facts
 from .attempt import BUILT_IN_ENVIRONMENT as BUILT_IN_ENVIRONMENT
 from .attempt import attempt, report_failure, seed_globals
-from .held_sources import HELD_VARIABLE, MARK_VARIABLE, hold, mark
+from .held_sources import HELD_VARIABLE, MARK_VARIABLE, hold, mark, values_of
 from .run_request import RunRequest
 from .trial_runs import run_trials
 
@@ -86,7 +86,7 @@ def _take_on(run: RunRequest) -> None:
     sys.path[:] = run.import_path
     seed_globals(run.plan.seed)
     if MARK_VARIABLE in os.environ:
-        sources = os.environ.get(HELD_VARIABLE, "").split(",")
+        sources = values_of(os.environ.get(HELD_VARIABLE, ""))
         hold(sources, run.plan.seed, outside=(_PACKAGE,))
         mark(sources)
     cameras.follow_environment()

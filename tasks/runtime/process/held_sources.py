@@ -23,7 +23,7 @@ import sysconfig
 import time
 
 HELD_VARIABLE = "ROBOMAKER_HELD"
-"""Environment variable that names the held sources, with commas between."""
+"""Environment variable that names the held sources, with commas between: `time`, or `time:2` at another value."""
 MARK_VARIABLE = "ROBOMAKER_HELD_MARK"
 """Environment variable with the path of a file, to which each process adds what it holds and what it uses."""
 
@@ -31,10 +31,18 @@ _BEGIN_NS = 946_684_800 * 10**9
 """Beginning of the held clock in nanoseconds since 1970: the year 2000."""
 _LOOK_NS = 100_000
 """Nanoseconds from one look at the held clock to the next: a budget of milliseconds ends after tens of looks."""
+_LATER_NS = 86_400 * 10**9 + 679_013
+"""Nanoseconds by which each further value of the clock begins later: another day, and no round number."""
+_LONGER_NS = 3_517
+"""Nanoseconds by which each look takes longer at each further value of the clock."""
+_ROOM_BYTES = (1 << 21) + (1 << 12)
+"""Bytes that each further value of hashes takes first: an odd number of pages, and of the 2 MB that a kernel aligns."""
 _BEHIND_NS = 5 * 10**9
 """Nanoseconds that the held clock may stay behind the real one; who waits for longer would wait forever."""
 _TURN_S = 1.0
 """Seconds that a thread keeps the interpreter, instead of 5 ms; few compute longer without waiting for something."""
+_PAUSE_S = 0.002
+"""Seconds between two looks at a thread: enough to take the interpreter, if that is all it waits for."""
 _CLIENT = os.sep + "agent_client.py"
 """End of the path of this package's robot client, which looks at the clock to end waiting."""
 _DRAWS = (
@@ -55,11 +63,17 @@ _INSTALLED = (os.sep + "site-packages" + os.sep, os.sep + "dist-packages" + os.s
 """Folders of installed packages, which may be inside that of the standard library."""
 
 
+def values_of(words):
+    """Returns sources with the numbers of their values, from the text of `HELD_VARIABLE`."""
+    parts = [word.partition(":") for word in words.split(",") if word]
+    return {source: int(value or 0) for source, _, value in parts}
+
+
 def hold(sources, seed, outside=()):
     """Holds sources of chance in this process, from now on, and notes which sources the code uses.
 
     Args:
-        sources: Names of sources: `seed`, `time` and `threads`; others are ignored.
+        sources: Sources with the numbers of their values: `seed`, `time` and `threads`; others are ignored.
         seed: Seed of what replaces the system's randomness.
         outside: Beginnings of paths of source files that go on seeing the real clock; the standard library does.
     """
@@ -67,9 +81,9 @@ def hold(sources, seed, outside=()):
     notes = _Notes()
     if sys.flags.hash_randomization:
         notes.add("hash")
-    _watch_calls(notes)
-    _replace_randomness(seed if "seed" in sources else None, code, notes)
-    clock = _Clock(code, notes, "time" in sources)
+    _watch_calls(notes, _Turns() if "threads" in sources else None)
+    _replace_randomness(seed + (sources["seed"] << 64) if "seed" in sources else None, code, notes)
+    clock = _Clock(code, notes, sources.get("time"))
     _replace_functions(clock)
     _replace_dates(clock)
     if "threads" in sources:
@@ -100,7 +114,47 @@ class _Notes:
             _write("used " + source)
 
 
-def _watch_calls(notes):
+class _Turns:
+    """Turns of threads that compute outside Python, where its interpreter gives none.
+
+    A thread begins when all that began before it have ended or wait, or have computed for `_TURN_S` meanwhile.
+    """
+
+    def __init__(self):
+        self._begun = []
+        self._real_sleep, self._now = time.sleep, time.monotonic
+
+    def wait(self):
+        """Waits for this thread's first turn."""
+        try:
+            number = _thread.get_native_id()
+            earlier = self._begun[:]
+            self._begun.append(number)
+            until_s = self._now() + _TURN_S
+            for each in earlier:
+                while self._computes(each) and self._now() < until_s:
+                    pass
+        except OSError:
+            pass  # without `/proc` nothing is known of other threads
+
+    def _computes(self, thread):
+        """Returns whether a thread runs or is ready to, within a pause in which it can have the interpreter."""
+        before = self._look(thread)
+        self._real_sleep(_PAUSE_S)
+        after = self._look(thread)
+        return after is not None and (after != before or after[0] not in "SD")
+
+    def _look(self, thread):
+        """Returns the state of a thread, and how often it has waited; None: it has ended."""
+        try:
+            with open("/proc/self/task/{}/status".format(thread)) as file:  # noqa: UP032
+                lines = dict(line.split(":", 1) for line in file if ":" in line)
+        except (FileNotFoundError, ProcessLookupError):
+            return None
+        return lines["State"].strip()[0] + lines.get("voluntary_ctxt_switches", "").strip()
+
+
+def _watch_calls(notes, turns):
     """Notes, from now on, threads, network, names that only one process can have, and files that outlive a program.
 
     Installs an audit hook, and replaces the functions that start threads.
@@ -111,16 +165,15 @@ def _watch_calls(notes):
         if event in ("subprocess.Popen", "os.fork", "os.posix_spawn"):
             notes.add("threads")
         elif event == "socket.getaddrinfo" or (event in _SOCKET_EVENTS and _is_shared(words[1])):
-            notes.add("network")
-            if event == "socket.bind":
-                notes.add("order")
+            # An address of its own is what a job beside can take; who only binds one asks no server.
+            notes.add("order" if event == "socket.bind" else "network")
         elif event in _FILE_EVENTS and isinstance(words[0], str) and words[0].startswith(kept):
             notes.add("files")
 
     sys.addaudithook(on_event)
     for name in ("start_new_thread", "start_new", "start_joinable_thread"):
         if hasattr(_thread, name):
-            setattr(_thread, name, _noting_threads(getattr(_thread, name), notes))
+            setattr(_thread, name, _noting_threads(getattr(_thread, name), notes, turns))
     threading = sys.modules.get("threading")  # it took the function when it was imported
     if threading is not None and hasattr(threading, "_start_new_thread"):
         threading._start_new_thread = _thread.start_new_thread
@@ -131,10 +184,17 @@ def _is_shared(address):
     return isinstance(address, tuple) or str(address).startswith(("\0", "b'\\x00"))
 
 
-def _noting_threads(begin, notes):
-    def begin_noted(*words, **named):
+def _noting_threads(begin, notes, turns):
+    def begin_noted(function, *words, **named):
         notes.add("threads")
-        return begin(*words, **named)
+        if turns is None:
+            return begin(function, *words, **named)
+
+        def in_turn(*own, **own_named):
+            turns.wait()
+            return function(*own, **own_named)
+
+        return begin(in_turn, *words, **named)
 
     return begin_noted
 
@@ -210,8 +270,10 @@ class _Clock:
     Each file has a clock of its own, as a library that tries again until it is connected looks as often as it has to.
     """
 
-    def __init__(self, code, notes, is_held):
-        self._code, self._notes, self._is_held = code, notes, is_held
+    def __init__(self, code, notes, value):
+        self._code, self._notes, self._is_held = code, notes, value is not None
+        self.later_ns = (value or 0) * _LATER_NS
+        self._look_ns = _LOOK_NS + (value or 0) * _LONGER_NS
         self._elapsed = {}
         self._real = time.monotonic_ns
         self._real_begin = self._real()
@@ -227,15 +289,15 @@ class _Clock:
         self._notes.add("time")
         if not self._is_held:
             return None
-        elapsed = self._elapsed.get(file, 0) + _LOOK_NS
-        if self._real() - self._real_begin > elapsed + _BEHIND_NS:
+        elapsed = self._elapsed.get(file, self.later_ns) + self._look_ns
+        if self._real() - self._real_begin > elapsed - self.later_ns + _BEHIND_NS:
             elapsed += _BEHIND_NS
         self._elapsed[file] = elapsed
         return elapsed
 
     def sleep(self, seconds):
         file = sys._getframe(2).f_code.co_filename
-        self._elapsed[file] = self._elapsed.get(file, 0) + int(seconds * 1e9)
+        self._elapsed[file] = self._elapsed.get(file, self.later_ns) + int(seconds * 1e9)
 
 
 def _replace_functions(clock):
@@ -329,9 +391,9 @@ def hold_as_asked():
     """
     if not os.environ.get(MARK_VARIABLE):
         return
-    sources = [word for word in os.environ.get(HELD_VARIABLE, "").split(",") if word]
-    if "hash" in sources and not _holds_hashes():
-        sources.remove("hash")
+    sources = values_of(os.environ.get(HELD_VARIABLE, ""))
+    if "hash" in sources and not _holds_hashes(sources["hash"]):
+        del sources["hash"]
     hold(sources, int(os.environ.get("ROBOMAKER_SEED") or 0))
     mark(sources)
 
@@ -349,22 +411,27 @@ def _write(line):
         pass  # what was not said is not counted as held
 
 
-def _holds_hashes():
-    """Starts this program anew, with fixed hashes and addresses, if they are drawn by chance, and then does not return.
-
-    Returns true if both are fixed already. If the program cannot be started anew, returns whether hashes are fixed.
-    """
-    is_fixed = sys.flags.hash_randomization == 0
+def _holds_hashes(value):
+    """Begins this program anew if its hashes or addresses are other ones; false if that cannot be done."""
+    is_fixed = sys.flags.hash_randomization == 0 if value == 0 else os.environ.get("PYTHONHASHSEED") == str(value)
     if is_fixed and not _fix_addresses():
+        if value:
+            import mmap
+
+            _room.append(mmap.mmap(-1, value * _ROOM_BYTES))
         return True
     words = getattr(sys, "orig_argv", None)  # Python 3.10 and newer
     if not words or not sys.executable:
         return is_fixed
-    os.environ["PYTHONHASHSEED"] = "0"
+    os.environ["PYTHONHASHSEED"] = str(value)
     try:
         os.execv(sys.executable, [sys.executable, *words[1:]])
     except OSError:
         return is_fixed
+
+
+_room = []
+"""Memory that moves what is asked for later, at another value of hashes and addresses."""
 
 
 def _fix_addresses():

@@ -76,8 +76,9 @@ def set_of_doors():
 
 
 def address():
-    # An object of this size has pages of its own; a smaller one's place in its pool is the same in each process.
-    return (id(tuple(range(1 << 16))) >> 12) % 2 == 0
+    # An object of this size has pages of its own; a smaller one's place in its pool is the same in each process. The
+    # lowest 21 bits are the same where a kernel aligns the mappings of large libraries, as numpy's, to its large pages.
+    return (id(tuple(range(1 << 16))) >> 21) % 2 == 0
 
 
 # What the clock decides
@@ -235,6 +236,10 @@ def small_clock(step):
 
 def fast():
     return True
+
+
+def slow():
+    return False
 
 
 def crash():

@@ -7,7 +7,7 @@ import pytest
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
 from prefect_robomaker.schemas.runs.programs import BoxPlan, ProgramPlan
-from prefect_robomaker.tasks.flakiness.evidence import UNUSED
+from prefect_robomaker.tasks.flakiness.causes import UNUSED, UNWATCHED, Hold
 from prefect_robomaker.tasks.flakiness.holding import Marks, held_request, programs_of, weights_of
 from prefect_robomaker.tasks.runtime.process.run_request import RunRequest
 
@@ -31,16 +31,19 @@ def request_of_run(tmp_path: Path) -> RunRequest:
 
 
 def test_only_what_is_held_is_changed(request_of_run: RunRequest, marks: Marks) -> None:
-    made = held_request(request_of_run, frozenset({"threads", "network"}), marks)
+    made = held_request(request_of_run, Hold(frozenset({"threads", "network"})), marks)
     assert (made.box.level, made.box.network) == ("box", "none")
     assert made.cores == [min(os.sched_getaffinity(0))]
     [program] = made.plan.programs
     assert program.environment["PYTHONPATH"] == f"{marks.folder}:/own"
     assert program.environment["ROBOMAKER_HELD"] == made.environment["ROBOMAKER_HELD"] == "threads"
 
-    untouched = held_request(request_of_run, frozenset(), marks)
+    untouched = held_request(request_of_run, Hold(frozenset()), marks)
     assert (untouched.box, untouched.cores) == (request_of_run.box, None)
     assert untouched.environment["ROBOMAKER_HELD"] == ""
+
+    at_one = Hold(frozenset({"seed", "time"}), frozenset({("time", 1)}))
+    assert held_request(request_of_run, at_one, marks).environment["ROBOMAKER_HELD"] == "seed,time:1"
 
 
 def test_what_a_program_does_not_say_to_hold_is_not_held(request_of_run: RunRequest, marks: Marks) -> None:
@@ -56,6 +59,6 @@ def test_what_a_program_does_not_say_to_hold_is_not_held(request_of_run: RunRequ
 
 def test_only_what_can_be_held_here_is_weighed() -> None:
     boxed = weights_of({"time"}, is_watched=True, box=BoxPlan(level="box"), can_box=True, has_neighbours=False)
-    assert boxed == {"seed": UNUSED, "time": 1.0, "threads": UNUSED, "hash": UNUSED, "network": UNUSED}
+    assert boxed == {"seed": UNUSED, "time": 1.0, "threads": UNUSED, "hash": UNWATCHED, "network": UNUSED}
     bare = weights_of(set(), is_watched=False, box=BoxPlan(), can_box=False, has_neighbours=True)
     assert bare == {"seed": 1.0, "time": 1.0, "threads": 1.0, "hash": 1.0, "order": 1.0}

@@ -32,6 +32,31 @@ def test_what_is_held_repeats_and_what_is_not_does_not(tmp_path: Path) -> None:
         assert [one[line] == other[line] for line in range(3)] == [line == place for line in range(3)], source
 
 
+def test_another_value_is_held_as_well_and_is_another_one(tmp_path: Path) -> None:
+    one, other, further = (said(tmp_path, held) for held in ("seed:1,time:1,hash:1",) * 2 + ("seed,time,hash",))
+    assert one == other
+    assert all(line != its for line, its in zip(one, further, strict=True))
+
+
+THREADS = """
+import hashlib, threading
+ended, content = [], bytes(4_000_000)
+def compute(name):
+    hashlib.sha256(content).digest()
+    ended.append(name)
+threads = [threading.Thread(target=compute, args=(name,)) for name in range(4)]
+for each in threads:
+    each.start()
+for each in threads:
+    each.join()
+print(ended)
+"""
+
+
+def test_threads_that_compute_outside_python_take_turns(tmp_path: Path) -> None:
+    assert said(tmp_path, "threads", THREADS) == ["[0, 1, 2, 3]"]
+
+
 def test_a_program_says_what_it_holds_and_uses(tmp_path: Path) -> None:
     said(tmp_path, "time,threads", "import time, threading\ntime.time()\nthreading.Thread(target=print).start()")
     lines = set((tmp_path / "mark").read_text().splitlines())
