@@ -28,7 +28,7 @@ _LOST = 0.02
 _AROUND, _AROUND_M = 2, 0.06
 """Pixels of the grid each way that are asked then, and the distance at which they count a quarter."""
 
-_LOOKS_OF_MISSED = 4
+_LOOKS_OF_MISSED = 2
 """Lamps of each set that a pixel looks at where few neighbours share its surface."""
 
 _CLOSE_M = 0.13
@@ -73,7 +73,7 @@ class Lighting:
     outside: Callable[[Array], Array] | None = None
     """Light from where a ray hits nothing, by its direction, shape (n, 3); absent: a plain background."""
     outdoors: Callable[[Hits], Flags] | None = None
-    """Which places are lit by the day outside; absent: none is."""
+    """Function that tells which places the day outside lights; absent: none."""
     shaded_m: float = 0.0
     """Distance up to which things take light from each other; 0: they do not."""
     exposed: bool = False
@@ -115,15 +115,14 @@ class LightGrid:
         every = np.arange(len(few.geoms))
         both = _lit(caster, few, lighting, slots_of(size), 1) * _shade_of_corners(few, size, lighting, every)
         both = _shared(both, few, size)
-        grid = cls(few, both[:, :3], both[:, 3:], size)
-        return replace(grid, fine=grid._missed(caster, hits, lighting, shape))
+        return cls(few, both[:, :3], both[:, 3:], size)
 
-    def _missed(self, caster: RayCaster, hits: Hits, lighting: Lighting, shape: tuple[int, int]) -> "LightGrid | None":
-        """Finds the light of the pixels that the grid misses."""
+    def refined(self, caster: RayCaster, hits: Hits, lighting: Lighting, shape: tuple[int, int]) -> "LightGrid":
+        """Returns the same grid with the light of the pixels that it misses; see `cast` for the arguments."""
         rows, columns = (axis.ravel().astype(float) for axis in np.indices(shape))
         lost = np.flatnonzero((self._near(hits, rows, columns)[1] < _LOST) & (hits.geoms >= 0))
         if len(lost) == 0:
-            return None
+            return self
         light = np.zeros((len(rows), 7))
         light[lost, :6] = _lit(caster, hits[lost], lighting, slots_of(shape)[lost], _LOOKS_OF_MISSED)
         light[lost, :6] *= _shade_of_corners(hits, shape, lighting, lost)
@@ -131,7 +130,7 @@ class LightGrid:
         known = light[:, 6].copy()
         light = soft_light(hits, light, shape, lost)
         light[lost, :6] /= np.maximum(light[lost, 6:], 1e-6)
-        return LightGrid(hits, light[:, :3], light[:, 3:6], shape, 1, None, known)
+        return replace(self, fine=LightGrid(hits, light[:, :3], light[:, 3:6], shape, 1, None, known))
 
     def with_light(self, light: Array) -> "LightGrid":
         """Returns the same grid with other light, shared among neighbours, that is alike in all directions."""

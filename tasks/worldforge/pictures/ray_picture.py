@@ -90,7 +90,7 @@ class RayPicture(RayCaster):
             hits = self.hits(camera.place, camera.rays(width, height, columns, rows))
             glass = self.through_glass(camera.place, camera.rays(width, height, columns, rows), hits)
         shape = (height, width)
-        grid = LightGrid.cast(self, hits, lighting, shape)
+        grid = LightGrid.cast(self, hits, lighting, shape).refined(self, hits, lighting, shape)
         sun = self._sun(hits, lighting, shape)
         shot = _Shot(camera, lighting, grid, sun)
         shot.mirror = Reflections.cast(self, camera, hits, grid, lighting, shot.shader(self._shade), shape)

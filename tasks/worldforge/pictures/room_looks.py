@@ -16,9 +16,9 @@ from ..geometry.parts import Vector
 from ..interiors.placement import room_rects
 from ..materials.materials import surface_name
 from ..materials.textures import sample, texture_size_m
+from .fine_forms import drawn, is_cloth, is_panelled, panel, weave
 from .outside import noise
 from .ray_casting import Array, Flags, Hits, Ids
-from .surface_details import drawn, is_cloth, is_panelled, panel, weave
 
 SMOOTH = ("Linoleum", "Parquetry", "Tiles")
 """Materials of floors that mirror: lacquered, waxed or glazed."""
