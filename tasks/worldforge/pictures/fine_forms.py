@@ -33,7 +33,7 @@ _TWICE = ("bush", "sprigs", "plate")
 _PANELLED = re.compile(r"\.front-\d|\.door-(front|side)$|^cabinet_\w+_door_\d+$")
 """Names of doors and drawers of cupboards."""
 _CLOTH = re.compile(
-    r"^(Sofas|LivingRoomChairs|Ottomans|Beds|StorageBenches|DeskChairs)_\d+\.(?!leg|foot|plinth|column|castor|frame)"
+    r"^(Sofas|LivingRoomChairs|Ottomans|Beds|StorageBenches|DeskChairs)_\d+\.(?!leg|foot|plinth|column|castor|frame|headboard|panel)"
     r"|^(Clothes_\d+|DiningChairs_\d+\.pad)|^(rug|curtain|blind)_\d*(?!.*_(rod|bar)$)"
 )
 """Names of what is covered with cloth."""

@@ -100,7 +100,7 @@ def _view(world: World) -> View:
 def _cut_solids(item: Furniture) -> list[Solid]:
     """Returns the drawn solids of a piece of furniture, up to where it is cut."""
     drawn = [solid for solid in solids_of(item) if solid.drawn]
-    if item.model_type in _WHOLE or item.height_m <= _FURNITURE_CUT_M:
+    if item.model_type in _WHOLE or item.base_m + item.height_m <= _FURNITURE_CUT_M:
         return drawn
     cut: list[Solid] = []
     for solid in drawn:

@@ -1,6 +1,5 @@
 """Names and areas of rooms in the picture from above, each where it covers little but floor."""
 
-import unicodedata
 from functools import lru_cache
 
 import numpy as np
@@ -19,8 +18,6 @@ _FAR_COST = 0.0006
 """Share of a label on the floor that a pixel's distance from the room's middle is worth."""
 _LEAST_PX = 60
 """Rooms of fewer pixels have no label."""
-
-_TWO_LETTERS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss"})
 
 Pixels = NDArray[np.uint8]
 
@@ -75,10 +72,8 @@ def _clearest(floor: NDArray[np.bool_], width: int, height: int) -> tuple[int, i
 
 
 def readable(room: Room) -> str:
-    """Returns a room's name in the letters that the font has, which are those of English; else its type."""
-    name = unicodedata.normalize("NFKD", room.called.translate(_TWO_LETTERS))
-    name = "".join(letter for letter in name if not unicodedata.combining(letter))
-    return name if name.isascii() else room.type
+    """Returns a room's name in the letters that the font has, which are those of English."""
+    return room.called if room.called.isascii() else room.name
 
 
 @lru_cache(maxsize=3)

@@ -34,8 +34,8 @@ _LAMP_M, _BELOW_CEILING_M = 0.17, 0.15
 """Radius of a lamp and its distance from the ceiling, under its shade."""
 _SUN_POWER = 5.5
 """Light of the sun on a white sheet that faces it."""
-_SUN_COLOR = np.array((1.0, 0.92, 0.78))
-_SUN_RISE = 0.75
+_SUN_COLOR = np.array((1.0, 0.89, 0.71))
+_SUN_RISE = 0.5
 """Tangent of the sun's height: its patches lie in the half of the room that is near the window."""
 _SUN_FAR_M = 60.0
 _SUN_RADIUS = 0.022

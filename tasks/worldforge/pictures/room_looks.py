@@ -31,8 +31,9 @@ _GRAIN_PER_M = (1.3, 42.0)
 """Bumps of the grain of wood, along a board and across it."""
 _GRAIN = 0.22
 """Difference between the lightest and the darkest wood of a board, of 1."""
-_WARM, _SATURATED, _LEAST_BLUE = 0.07, 0.16, 0.3
-"""A plain colour is taken for wood if there is so much more red than green, and red than blue, and blue for red."""
+_WARM, _RED, _SATURATED, _LEAST_BLUE = 0.07, 0.25, 0.16, 0.3
+"""A plain colour is taken for wood if there is so much more red than green (least and most), so much more red than
+blue, and so much blue for its red: cloth is more colourful."""
 _EDGE_M = 0.007
 """Width of the rounded edges of furniture, which catch light."""
 _BUMP_M, _BUMP = 0.004, 0.55
@@ -219,7 +220,7 @@ class Looks:
         red, green, blue = self._plain[number]
         part = self.names[number].partition(".")[2]
         is_furniture = bool(part) and not any(word in part for word in _NO_WOOD)
-        is_brown = red - green > _WARM and red - blue > _SATURATED and blue > _LEAST_BLUE * red
+        is_brown = _RED > red - green > _WARM and red - blue > _SATURATED and blue > _LEAST_BLUE * red
         return is_furniture and self._materials[number] < 0 and is_brown
 
     def _floor(self, name: str, hits: Hits) -> Array:
