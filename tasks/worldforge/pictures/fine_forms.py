@@ -39,9 +39,9 @@ _CLOTH = re.compile(
 """Names of what is covered with cloth."""
 _LEAST_PANEL_M = 0.22
 """Smaller doors and drawers are plain."""
-_FRAME_M, _SLOPE_M = 0.055, 0.008
-"""Width of a door's frame, and of the slope down to its panel."""
-_SLOPE_SHADE, _PANEL_SHADE = 0.8, 0.97
+_FRAME_M, _SLOPE_M = 0.06, 0.011
+"""Width of a door's frame up to the middle of the slope to its panel, and of half the slope."""
+_SLOPE_SHADE, _PANEL_SHADE = 0.78, 0.98
 _THREADS_PER_M, _FOLDS_PER_M = 210.0, 14.0
 _WEAVE, _CREASE = 0.13, 0.09
 """Differences of brightness between threads of cloth, and between its places, of 1."""
@@ -157,11 +157,12 @@ def panel(inside: Array, half: Array) -> tuple[Array, Array]:
     nearest = np.argmin(from_edge, axis=1)
     away = from_edge[rows, nearest]
     on_face = np.abs(inside[rows, thick]) > 0.9 * half[rows, thick]
-    slope = on_face & (away > _FRAME_M) & (away < _FRAME_M + _SLOPE_M)
+    # It begins and ends softly: else it is as jagged as pixels are large.
+    slope = on_face * np.clip(1 - np.abs(away - _FRAME_M) / _SLOPE_M, 0, 1)
     turned = np.zeros_like(inside)
     turned[rows, nearest] = -np.sign(inside[rows, nearest]) * slope
-    deep = on_face & (away >= _FRAME_M + _SLOPE_M)
-    return turned, np.where(slope, _SLOPE_SHADE, np.where(deep, _PANEL_SHADE, 1.0))
+    deep = on_face & (away > _FRAME_M)
+    return turned, 1 - (1 - _SLOPE_SHADE) * slope - (1 - _PANEL_SHADE) * deep
 
 
 def weave(places: Array) -> Array:

@@ -25,7 +25,7 @@ GAMMA = 2.2
 """Power that turns colours, as screens have them, into amounts of light."""
 
 _SUB_PIXELS = ((-0.375, -0.125), (0.125, -0.375), (0.375, 0.125), (-0.125, 0.375))
-_MIDDLE = 0.46
+_MIDDLE = 0.49
 """Light in the middle of a well exposed picture of a bright room, of 1."""
 _VIEW = 2.0
 """Light of a white thing outside, over that of one in the picture's middle: photographers expose for both."""
@@ -93,12 +93,12 @@ class RayPicture(RayCaster):
         grid = LightGrid.cast(self, hits, lighting, shape).refined(self, hits, lighting, shape)
         sun = self._sun(hits, lighting, shape)
         shot = _Shot(camera, lighting, grid, sun)
-        shot.mirror = Reflections.cast(self, camera, hits, grid, lighting, shot.shader(self._shade), shape)
         common = shot.light(hits, rows, columns)
         # Bumps and rounded edges are the same for all rays of a pixel.
         common = common * self._turned(hits, common)[:, None]
         scale = self._scale(shot, hits, common) if lighting.exposed else None
         shot.view = _VIEW / scale if scale else 1.0
+        shot.mirror = Reflections.cast(self, camera, hits, grid, lighting, shot.shader(self._shade), shape)
         edge = _edges(hits, glass, shape).ravel()
         total = np.zeros((height * width, 3))
         for right, down in _SUB_PIXELS:
