@@ -76,7 +76,7 @@ def penumbra_m(height_m: float) -> float:
 
 
 def test_the_edge_of_sunlight_is_softer_far_from_what_shades_it() -> None:
-    near, far = penumbra_m(0.15), penumbra_m(0.9)
+    near, far = penumbra_m(0.15), penumbra_m(0.6)
     assert far > 2.5 * near
     assert far < 0.2
 
