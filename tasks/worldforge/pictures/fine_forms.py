@@ -1,4 +1,7 @@
-"""Meshes of cushions, crockery and plants for pictures, with so many triangles that they look round."""
+"""Forms that pictures alone show: round cushions and crockery, panels of doors, weave of cloth, drawings in frames.
+
+Worlds keep plain boxes and few triangles, which robots touch; their pictures show how such things are made.
+"""
 
 import re
 from functools import lru_cache
@@ -8,6 +11,8 @@ import trimesh
 
 from ..ornaments.ornament_shapes import FORMS
 from ..ornaments.ornaments import Floats, Ints, Mesh
+from .outside import noise
+from .ray_casting import Array
 
 _MESH = re.compile(r'^ *<mesh name="(shape_([a-z]+)_(\d+)_(\d+)_(\d+))" .*/>$', re.MULTILINE)
 
@@ -24,6 +29,22 @@ _HARD = ("block", "shade", "curtain")
 """Forms that stay as they are, or whose edges are meant to be sharp."""
 _TWICE = ("bush", "sprigs", "plate")
 """Forms of thin parts: they are divided once, as rounding makes them thinner."""
+
+_PANELLED = re.compile(r"\.front-\d|\.door-(front|side)$|^cabinet_\w+_door_\d+$")
+"""Names of doors and drawers of cupboards."""
+_CLOTH = re.compile(
+    r"^(Sofas|LivingRoomChairs|Ottomans|Beds|StorageBenches|DeskChairs)_\d+\.(?!leg|foot|plinth|column|castor|frame|headboard|panel)"
+    r"|^(Clothes_\d+|DiningChairs_\d+\.pad)|^(rug|curtain|blind)_\d*(?!.*_(rod|bar)$)"
+)
+"""Names of what is covered with cloth."""
+_LEAST_PANEL_M = 0.22
+"""Smaller doors and drawers are plain."""
+_FRAME_M, _SLOPE_M = 0.06, 0.011
+"""Width of a door's frame up to the middle of the slope to its panel, and of half the slope."""
+_SLOPE_SHADE, _PANEL_SHADE = 0.78, 0.98
+_THREADS_PER_M, _FOLDS_PER_M = 210.0, 14.0
+_WEAVE, _CREASE = 0.13, 0.09
+"""Differences of brightness between threads of cloth, and between its places, of 1."""
 
 
 def refined(text: str) -> str:
@@ -107,3 +128,68 @@ def _grid_cube() -> tuple[Floats, Ints]:
             faces += [corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]]
     every, index = np.unique(np.round(np.concatenate(points), 6), axis=0, return_inverse=True)
     return every, index.reshape(-1)[np.concatenate(faces)]
+
+
+def is_panelled(name: str, half: Array) -> bool:
+    """Returns whether a box of half extents `half`, in metres, is a door or drawer with a panel."""
+    return bool(_PANELLED.search(name.removesuffix("_seen"))) and float(np.sort(half)[1]) * 2 > _LEAST_PANEL_M
+
+
+def is_cloth(name: str) -> bool:
+    """Returns whether a geom of this name is covered with cloth."""
+    return bool(_CLOTH.search(name.removesuffix("_seen")))
+
+
+def panel(inside: Array, half: Array) -> tuple[Array, Array]:
+    """Finds the slopes between frames and panels of doors.
+
+    Args:
+        inside: Places on boxes, in metres from their middles, shape (n, 3).
+        half: Half extents of the boxes, shape (n, 3).
+
+    Returns:
+        Where the surface turns on the slopes, shape (n, 3), and the share of light there, shape (n,).
+    """
+    rows = np.arange(len(inside))
+    thick = np.argmin(half, axis=1)
+    from_edge = half - np.abs(inside)
+    from_edge[rows, thick] = np.inf
+    nearest = np.argmin(from_edge, axis=1)
+    away = from_edge[rows, nearest]
+    on_face = np.abs(inside[rows, thick]) > 0.9 * half[rows, thick]
+    # It begins and ends softly: else it is as jagged as pixels are large.
+    slope = on_face * np.clip(1 - np.abs(away - _FRAME_M) / _SLOPE_M, 0, 1)
+    turned = np.zeros_like(inside)
+    turned[rows, nearest] = -np.sign(inside[rows, nearest]) * slope
+    deep = on_face & (away > _FRAME_M)
+    return turned, 1 - (1 - _SLOPE_SHADE) * slope - (1 - _PANEL_SHADE) * deep
+
+
+def weave(places: Array) -> Array:
+    """Returns the brightness of cloth at places, shape (n,): threads, and places where it lies otherwise."""
+    x, y, z = places.T
+    right, up = x + 0.37 * z, y - 0.61 * z
+    threads = 0.5 * noise(right * _THREADS_PER_M, up * 40) + 0.5 * noise(right * 40, up * _THREADS_PER_M)
+    folds = noise(right * _FOLDS_PER_M, up * _FOLDS_PER_M)
+    return 1 + _WEAVE * (threads - 0.5) + _CREASE * (folds - 0.5)
+
+
+def drawn(colors: Array, inside: Array, half: Array, seeds: Array) -> Array:
+    """Returns the colours of prints in frames: hills in the print's own colours.
+
+    Args:
+        colors: The plain colours, shape (n, 3).
+        inside: Places on the prints, in metres from their middles, shape (n, 3).
+        half: Half extents, shape (n, 3).
+        seeds: A number for each print, shape (n,).
+    """
+    rows = np.arange(len(inside))
+    # Walls run along one axis: the print's width is the longer of the two level ones.
+    wide = np.argmax(half[:, :2], axis=1)
+    along = inside[rows, wide] / np.maximum(half[rows, wide], 1e-6)
+    up = inside[:, 2] / np.maximum(half[:, 2], 1e-6)
+    shade = np.ones(len(rows))
+    for layer in range(3):
+        ridge = 0.75 - 0.62 * layer + 0.5 * (noise(along * (1.3 + layer) + 7.7 * seeds, seeds + 3.1 * layer) - 0.5)
+        shade = np.where(up < ridge, 0.93 - 0.13 * layer, shade)
+    return colors * shade[:, None]

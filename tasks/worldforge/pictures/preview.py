@@ -9,8 +9,9 @@ import io
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as PilImage
+from scipy import ndimage
 
-from ....schemas.worlds.world import Wall, Window, World, bounds
+from ....schemas.worlds.world import Furniture, Room, Wall, Window, World, bounds
 from ..decor.faces import walls_of_windows
 from ..doors.door_parts import cut_door_solids
 from ..furniture.placed_parts import Solid, solids_of, turn
@@ -20,6 +21,7 @@ from ..interiors.placement import room_rects
 from ..materials.materials import surface_name
 from ..materials.textures import sample
 from ..model.mjcf import wall_faces
+from .preview_labels import with_labels
 from .preview_raster import Block, Image, LightMap, Palette, Raster, View
 from .preview_things import things_from_above
 from .room_looks import THRESHOLD_COLOR, has_joint, threshold
@@ -30,6 +32,12 @@ WIDTH, HEIGHT = 960, 720
 _SUPERSAMPLING = 2
 _AZIMUTH_DEG, _ELEVATION_DEG = -24.0, 56.0
 _CUT_M, _NEAR_CUT_M = 1.0, 0.4
+_FURNITURE_CUT_M = 1.3
+"""Height at which furniture is cut, so that wardrobes and fridges do not hide the rooms behind them."""
+_WHOLE = ("FloorLamps",)
+"""Furniture that is known by its upper end."""
+_HOLLOW_PX, _HOLLOW_M, _HOLLOW = 13, 0.12, 1.5
+"""Width around a pixel, depth that counts at most, and loss of light for a metre that a pixel lies deeper."""
 _MARGIN = 0.045
 _CUT_COLOR = rgb("fbfaf7")
 _OUTSIDE = "wall_outside"
@@ -49,16 +57,15 @@ def render_preview(world: World) -> bytes:
     """
     raster = Raster(_view(world))
     palette = Palette()
-    blocks = _draw_building(world, raster, palette)
+    blocks, floors = _draw_building(world, raster, palette)
     for item in world.furniture:
-        for solid in solids_of(item):
-            if not solid.drawn:
-                continue
+        for solid in _cut_solids(item):
             _draw_solid(solid, raster, palette)
             if solid.size[2] > 0.015:
                 blocks.append(_block(solid))
     for solid in things_from_above(world):
-        _draw_solid(solid, raster, palette)
+        if solid.center[2] < _FURNITURE_CUT_M:
+            _draw_solid(solid, raster, palette)
     for solid in cut_door_solids(world.floorplan, _CUT_M):
         _draw_solid(solid, raster, palette)
     colors = np.take(palette.table(), raster.ids, axis=0)
@@ -66,7 +73,9 @@ def render_preview(world: World) -> bytes:
     _draw_outlines(raster, colors)
     reduced = np.asarray(PilImage.fromarray(colors).reduce(_SUPERSAMPLING))
     light = _light(raster, palette, LightMap.of(blocks, bounds(world.floorplan.footprint)))
-    picture = PilImage.fromarray((reduced * light[..., None]).astype(np.uint8))
+    # Half a step is added before the rest is cut off: else a shade of light shows as a line.
+    lit = np.minimum(reduced * light[..., None] + np.float32(0.5), 255).astype(np.uint8)
+    picture = PilImage.fromarray(with_labels(lit, raster.ids[::_SUPERSAMPLING, ::_SUPERSAMPLING], floors))
     buffer = io.BytesIO()
     picture.save(buffer, format="PNG", compress_level=2)
     return buffer.getvalue()
@@ -88,11 +97,27 @@ def _view(world: World) -> View:
     return View(_AZIMUTH_DEG, _ELEVATION_DEG, scale, offset, (width, height))
 
 
-def _draw_building(world: World, raster: Raster, palette: Palette) -> list[Block]:
-    """Draws floors, walls and windows; returns the parts that cast shadows."""
+def _cut_solids(item: Furniture) -> list[Solid]:
+    """Returns the drawn solids of a piece of furniture, up to where it is cut."""
+    drawn = [solid for solid in solids_of(item) if solid.drawn]
+    if item.model_type in _WHOLE or item.base_m + item.height_m <= _FURNITURE_CUT_M:
+        return drawn
+    cut: list[Solid] = []
+    for solid in drawn:
+        (x, y, z), (sx, sy, sz) = solid.center, solid.size
+        bottom, top = z - sz / 2, min(z + sz / 2, _FURNITURE_CUT_M)
+        if bottom < _FURNITURE_CUT_M:
+            cut.append(solid._replace(center=(x, y, (bottom + top) / 2), size=(sx, sy, top - bottom)))
+    return cut
+
+
+def _draw_building(world: World, raster: Raster, palette: Palette) -> tuple[list[Block], dict[int, Room]]:
+    """Draws floors, walls and windows; returns the parts that cast shadows, and the rooms by their floors' colours."""
     blocks: list[Block] = []
+    floors: dict[int, Room] = {}
     for room in world.floorplan.rooms:
         floor_color = palette.add_floor(surface_name("floor", room))
+        floors[floor_color] = room
         for x0, y0, x1, y1 in room_rects(room):
             raster.parallelogram((x0, y0, 0.0), (x1 - x0, 0, 0), (0, y1 - y0, 0), floor_color)
     for passage in world.floorplan.passages:
@@ -105,7 +130,7 @@ def _draw_building(world: World, raster: Raster, palette: Palette) -> list[Block
             blocks += [_draw_wall(wall, _top_m(wall, world), world, raster, palette)]
     for number, wall in sorted(walls_of_windows(world).items()):
         _draw_window(world.floorplan.windows[number], wall, world, raster, palette)
-    return blocks
+    return blocks, floors
 
 
 def _top_m(wall: Wall, world: World) -> float:
@@ -254,7 +279,10 @@ def _light(raster: Raster, palette: Palette, light: LightMap) -> Image:
     # Looked up a little before the place itself: an upright face lies on the edge of its own shadow.
     w -= _BEFORE_M
     sunny = np.take(palette.sunny(), raster.ids[::step, ::step])
-    return light.brightness(u * right[0] + w * away[0], u * right[1] + w * away[1], z, sunny)
+    # What lies deeper than its surroundings, such as a floor along walls, gets less of the sky.
+    hollow = np.clip(ndimage.uniform_filter(depth, _HOLLOW_PX) - depth, 0, _HOLLOW_M) * np.float32(_HOLLOW)
+    hollow[raster.ids[::step, ::step] == 0] = 0
+    return light.brightness(u * right[0] + w * away[0], u * right[1] + w * away[1], z, sunny) * (1 - hollow)
 
 
 def _draw_outlines(raster: Raster, colors: Colors) -> None:

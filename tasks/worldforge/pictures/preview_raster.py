@@ -335,7 +335,7 @@ class LightMap:
         cells = rows * self.shade.shape[1] + columns
         sunless = np.clip((np.take(self.shade, cells) - z - 0.02) * 3, 0, 1) * sunny
         hemmed_in = np.clip((np.take(self.crowd, cells) - z) * 0.38, 0, 0.3)
-        return (1 - 0.27 * sunless) * (1 - hemmed_in)
+        return (1 - 0.38 * sunless) * (1 - hemmed_in)
 
 
 def _cast(heights: Image) -> Image:

@@ -12,6 +12,8 @@ from ..ornaments.ornaments import Ornament
 
 _SEEN = ("rug_", "thing_")
 """Decoration that one sees from above, over walls that are cut: the beginnings of its names."""
+_ON_SHELVES = "thing_shelf_"
+"""Beginning of the names of what stands on shelves, which hang above the cut of walls and are not drawn."""
 _LEAST_M = 0.07
 """Smaller things are two pixels wide."""
 _LEAFY = ("bush", "flowers", "fruit", "sprigs")
@@ -27,7 +29,7 @@ def things_from_above(world: World) -> Iterator[Solid]:
     if isinstance(world.source, GazeboSource):
         return
     for ornament in ornaments(world, Shapes()):
-        if ornament.name.startswith(_SEEN):
+        if ornament.name.startswith(_SEEN) and not ornament.name.startswith(_ON_SHELVES):
             shape, size = _form(ornament)
             if max(size[0], size[1]) >= _LEAST_M:
                 yield Solid(ornament.name, shape, ornament.center, size, "z", _yaw(ornament), _color(ornament), False)

@@ -1,14 +1,14 @@
 """Light in ray-traced pictures: many small lamps, and the shade of corners, at a grid of pixels."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import cos, sin, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.parts import Vector
-from .ray_casting import Array, Hits, RayCaster
+from .ray_casting import Array, Flags, Hits, RayCaster
 
 STEP = 3
 """Light is found for one pixel in so many, each way."""
@@ -28,13 +28,18 @@ _LOST = 0.02
 _AROUND, _AROUND_M = 2, 0.06
 """Pixels of the grid each way that are asked then, and the distance at which they count a quarter."""
 
-_LOOKS = 20
+_LOOKS_OF_MISSED = 2
+"""Lamps of each set that a pixel looks at where few neighbours share its surface."""
+
+_CLOSE_M = 0.13
+"""Distance up to which things darken what they touch."""
+_LOOKS = 14
 """Places around a pixel that are asked whether they take light from it."""
 _GOLDEN_RAD = 2.399963
 """Angle between two of them: they lie evenly."""
 _LEAST_SIN = 0.08
 """Sine of the height above a surface from which a place takes light: surfaces are not quite flat, nor is it exact."""
-_TAKEN = 2.2
+_TAKEN = 2.4
 """Light that is taken, over the share of the half sphere above a place that the places around it cover."""
 _LEAST_OPEN = 0.3
 """Share of light that reaches the deepest corner."""
@@ -67,6 +72,8 @@ class Lighting:
     """Direction of the sun, a unit vector."""
     outside: Callable[[Array], Array] | None = None
     """Light from where a ray hits nothing, by its direction, shape (n, 3); absent: a plain background."""
+    outdoors: Callable[[Hits], Flags] | None = None
+    """Function that tells which places the day outside lights; absent: none."""
     shaded_m: float = 0.0
     """Distance up to which things take light from each other; 0: they do not."""
     exposed: bool = False
@@ -87,6 +94,10 @@ class LightGrid:
     shape: tuple[int, int]
     step: int = STEP
     """Pixels from one of the grid to the next."""
+    fine: "LightGrid | None" = None
+    """Light at the pixels of surfaces that are so narrow that the grid misses them."""
+    known: Array | None = None
+    """1 for pixels whose light is known, 0 for others; absent: all are."""
 
     @classmethod
     def cast(cls, caster: RayCaster, hits: Hits, lighting: Lighting, shape: tuple[int, int]) -> "LightGrid":
@@ -101,18 +112,25 @@ class LightGrid:
         index = np.arange(shape[0] * shape[1]).reshape(shape)[::STEP, ::STEP]
         few = hits[index.ravel()]
         size = (index.shape[0], index.shape[1])
-        slots = slots_of(size)
-        light, lean = np.zeros((len(slots), 3)), np.zeros((len(slots), 3))
-        for group in lighting.lamps:
-            for number, lamp in enumerate(group):
-                mine = np.flatnonzero((slots % len(group) == number) & (few.geoms >= 0))
-                strength, toward = _shine(caster, lamp, few[mine])
-                light[mine] += strength[:, None] * np.array(lamp.color)
-                lean[mine] += toward
-        light += np.array(lighting.ambient)
-        open_share = _openness(few, size, lighting.shaded_m) if lighting.shaded_m else np.ones(len(slots))
-        both = _shared(np.hstack([light, lean]) * open_share[:, None], few, size)
+        every = np.arange(len(few.geoms))
+        both = _lit(caster, few, lighting, slots_of(size), 1) * _shade_of_corners(few, size, lighting, every)
+        both = _shared(both, few, size)
         return cls(few, both[:, :3], both[:, 3:], size)
+
+    def refined(self, caster: RayCaster, hits: Hits, lighting: Lighting, shape: tuple[int, int]) -> "LightGrid":
+        """Returns the same grid with the light of the pixels that it misses; see `cast` for the arguments."""
+        rows, columns = (axis.ravel().astype(float) for axis in np.indices(shape))
+        lost = np.flatnonzero((self._near(hits, rows, columns)[1] < _LOST) & (hits.geoms >= 0))
+        if len(lost) == 0:
+            return self
+        light = np.zeros((len(rows), 7))
+        light[lost, :6] = _lit(caster, hits[lost], lighting, slots_of(shape)[lost], _LOOKS_OF_MISSED)
+        light[lost, :6] *= _shade_of_corners(hits, shape, lighting, lost)
+        light[lost, 6] = 1
+        known = light[:, 6].copy()
+        light = soft_light(hits, light, shape, lost)
+        light[lost, :6] /= np.maximum(light[lost, 6:], 1e-6)
+        return replace(self, fine=LightGrid(hits, light[:, :3], light[:, 3:6], shape, 1, None, known))
 
     def with_light(self, light: Array) -> "LightGrid":
         """Returns the same grid with other light, shared among neighbours, that is alike in all directions."""
@@ -120,6 +138,18 @@ class LightGrid:
 
     def at(self, hits: Hits, rows: Array, columns: Array) -> tuple[Array, Array]:
         """Returns the light at points and how it leans, smoothed over neighbouring pixels of the same surface."""
+        both, weight = self._near(hits, rows, columns)
+        lost = np.flatnonzero(weight < _LOST)
+        if self.fine is not None and len(lost):
+            both[lost], weight[lost] = self.fine._near(hits[lost], rows[lost], columns[lost])
+            lost = lost[weight[lost] < _LOST]
+        # Places that no pixel knows have the light of the most similar ones around.
+        row, column = (np.floor(axis[lost] / self.step).astype(np.int64) for axis in (rows, columns))
+        both[lost] = self._around(hits[lost], row, column)
+        return both[:, :3], both[:, 3:]
+
+    def _near(self, hits: Hits, rows: Array, columns: Array) -> tuple[Array, Array]:
+        """Light at points from the four pixels of the grid around them, and how much these have to do with them."""
         both, weight = np.zeros((len(hits.geoms), 6)), np.zeros(len(hits.geoms))
         row, column = np.floor(rows / self.step).astype(np.int64), np.floor(columns / self.step).astype(np.int64)
         height, width = self.shape
@@ -128,13 +158,11 @@ class LightGrid:
                 other = np.clip(row + down, 0, height - 1) * width + np.clip(column + right, 0, width - 1)
                 share = np.abs(1 - down - (rows / self.step - row)) * np.abs(1 - right - (columns / self.step - column))
                 near = _alike(hits, self.hits, other) * (share + 1e-3)
+                if self.known is not None:
+                    near *= self.known[other]
                 both += self._for(hits.normals, other) * near[:, None]
                 weight += near
-        both /= np.maximum(weight, 1e-9)[:, None]
-        # Narrow surfaces have no pixel of the grid near by: the most similar ones around have their light.
-        lost = np.flatnonzero(weight < _LOST)
-        both[lost] = self._around(hits[lost], row[lost], column[lost])
-        return both[:, :3], both[:, 3:]
+        return both / np.maximum(weight, 1e-9)[:, None], weight
 
     def _around(self, hits: Hits, row: NDArray[np.int64], column: NDArray[np.int64]) -> Array:
         height, width = self.shape
@@ -182,6 +210,30 @@ def _alike(hits: Hits, others: Hits, index: NDArray[np.int64]) -> Array:
     return turned**8 / (1 + (apart / 0.02) ** 2) ** 2
 
 
+def _lit(caster: RayCaster, hits: Hits, lighting: Lighting, slots: NDArray[np.int64], looks: int) -> Array:
+    """Light at places and how it leans, shape (n, 6), from so many lamps of each set."""
+    light = np.zeros((len(slots), 6))
+    light[:, :3] = lighting.ambient
+    known = hits.geoms >= 0
+    for group in lighting.lamps:
+        few = min(looks, len(group))
+        for number, lamp in enumerate(group):
+            turn = (number - slots) % len(group)
+            mine = np.flatnonzero((turn % (len(group) // few) == 0) & (turn // (len(group) // few) < few) & known)
+            strength, toward = _shine(caster, lamp, hits[mine])
+            light[mine, :3] += strength[:, None] * np.array(lamp.color) / few
+            light[mine, 3:] += toward / few
+    return light
+
+
+def _shade_of_corners(hits: Hits, shape: tuple[int, int], lighting: Lighting, chosen: NDArray[np.int64]) -> Array:
+    """Share of light that reaches chosen pixels past what is around them and close to them, shape (n, 1)."""
+    share = np.ones(len(chosen))
+    if lighting.shaded_m:
+        share = _openness(hits, shape, lighting.shaded_m, chosen) * _openness(hits, shape, _CLOSE_M, chosen)
+    return share[:, None]
+
+
 def _shine(caster: RayCaster, lamp: Lamp, hits: Hits) -> tuple[Array, Array]:
     """Brightness of the light of one lamp at places, and how it leans."""
     ways = hits.places + hits.normals * _SKIN_M - np.array(lamp.place)
@@ -199,15 +251,15 @@ def _shine(caster: RayCaster, lamp: Lamp, hits: Hits) -> tuple[Array, Array]:
     return strength, ways * (-power * (strength > 0) * float(np.mean(lamp.color)))[:, None]
 
 
-def _openness(hits: Hits, shape: tuple[int, int], reach_m: float) -> Array:
-    """Share of light from everywhere that reaches each place past what the picture shows around it.
+def _openness(hits: Hits, shape: tuple[int, int], reach_m: float, chosen: NDArray[np.int64]) -> Array:
+    """Share of light from everywhere that reaches chosen pixels past what the picture shows around them.
 
     Places are asked that lie around the pixel, as far as things reach that take its light.
     """
     height, width = shape
-    rows, columns = (axis.ravel() for axis in np.indices(shape))
-    right = np.linalg.norm(hits.places[np.minimum(columns + 1, width - 1) + rows * width] - hits.places, axis=1)
-    down = np.linalg.norm(hits.places[columns + np.minimum(rows + 1, height - 1) * width] - hits.places, axis=1)
+    mine, rows, columns = hits[chosen], chosen // width, chosen % width
+    right = np.linalg.norm(hits.places[np.minimum(columns + 1, width - 1) + rows * width] - mine.places, axis=1)
+    down = np.linalg.norm(hits.places[columns + np.minimum(rows + 1, height - 1) * width] - mine.places, axis=1)
     # The smaller step: the other one may lead to something far behind. At edges of the picture there is none.
     step_m = np.maximum(
         np.where(np.minimum(right, down) < _SMALL_M, np.maximum(right, down), np.minimum(right, down)), _SMALL_M
@@ -222,9 +274,9 @@ def _openness(hits: Hits, shape: tuple[int, int], reach_m: float) -> Array:
         along = out * (turn[1] * np.cos(start) + turn[0] * np.sin(start))
         row = np.clip(np.rint(rows + along).astype(np.int64), 0, height - 1)
         column = np.clip(np.rint(columns + across).astype(np.int64), 0, width - 1)
-        ways = hits.places[row * width + column] - hits.places
+        ways = hits.places[row * width + column] - mine.places
         away = np.maximum(np.linalg.norm(ways, axis=1), _SMALL_M)
-        over = np.einsum("ij,ij->i", ways, hits.normals) / away
+        over = np.einsum("ij,ij->i", ways, mine.normals) / away
         near = np.clip(1 - (away / reach_m) ** 2, 0, 1) * (hits.geoms[row * width + column] >= 0)
         taken += np.clip(over - _LEAST_SIN, 0, 1) * near
     return np.clip(1 - _TAKEN * taken / _LOOKS, _LEAST_OPEN, 1)
@@ -265,7 +317,7 @@ def soft_light(hits: Hits, light: Array, shape: tuple[int, int], chosen: NDArray
 
     Args:
         hits: What all pixels show.
-        light: Their light, shape (n, 3).
+        light: Their light, shape (n, channels).
         shape: Rows and columns of the picture.
         chosen: The pixels that may have some; others have none.
     """
@@ -273,7 +325,7 @@ def soft_light(hits: Hits, light: Array, shape: tuple[int, int], chosen: NDArray
     rows, columns = chosen // width, chosen % width
     half = _SLOTS // 2
     mine = hits[chosen]
-    total, weight = np.zeros((len(chosen), 3)), np.zeros(len(chosen))
+    total, weight = np.zeros((len(chosen), light.shape[1])), np.zeros(len(chosen))
     for down in range(-half, half + 1):
         for right in range(-half, half + 1):
             other = np.clip(rows + down, 0, height - 1) * width + np.clip(columns + right, 0, width - 1)

@@ -25,8 +25,12 @@ GAMMA = 2.2
 """Power that turns colours, as screens have them, into amounts of light."""
 
 _SUB_PIXELS = ((-0.375, -0.125), (0.125, -0.375), (0.375, 0.125), (-0.125, 0.375))
-_MIDDLE = 0.46
+_MIDDLE = 0.49
 """Light in the middle of a well exposed picture of a bright room, of 1."""
+_VIEW = 2.0
+"""Light of a white thing outside, over that of one in the picture's middle: photographers expose for both."""
+_DAYLIGHT, _SUNLIGHT = 0.55, 0.6
+"""Light of the sky and of the sun on what is outside, of 1."""
 _LINE_PX = 8
 """Gaps up to twice as long in lines as thin as a pixel are looked at closely."""
 _SUN_EDGE_PX = 3
@@ -37,7 +41,7 @@ _FILM = np.array([[0.842479, 0.0423283, 0.0423756], [0.0784336, 0.878469, 0.0784
 _PAPER = np.linalg.inv(_FILM)
 _DARKEST_EV, _BRIGHTEST_EV = -12.47393, 4.026069
 """Ends of the film's range, in doublings of light."""
-_CONTRAST, _COLORFUL = 1.24, 1.22
+_CONTRAST, _COLORFUL = 1.34, 1.2
 """A little more of both than film has: rooms are less bright than landscapes."""
 _BRIGHTNESS = np.array((0.2126, 0.7152, 0.0722))
 
@@ -86,14 +90,15 @@ class RayPicture(RayCaster):
             hits = self.hits(camera.place, camera.rays(width, height, columns, rows))
             glass = self.through_glass(camera.place, camera.rays(width, height, columns, rows), hits)
         shape = (height, width)
-        grid = LightGrid.cast(self, hits, lighting, shape)
+        grid = LightGrid.cast(self, hits, lighting, shape).refined(self, hits, lighting, shape)
         sun = self._sun(hits, lighting, shape)
         shot = _Shot(camera, lighting, grid, sun)
-        shot.mirror = Reflections.cast(self, camera, hits, grid, lighting, shot.shader(self._shade), shape)
         common = shot.light(hits, rows, columns)
         # Bumps and rounded edges are the same for all rays of a pixel.
         common = common * self._turned(hits, common)[:, None]
         scale = self._scale(shot, hits, common) if lighting.exposed else None
+        shot.view = _VIEW / scale if scale else 1.0
+        shot.mirror = Reflections.cast(self, camera, hits, grid, lighting, shot.shader(self._shade), shape)
         edge = _edges(hits, glass, shape).ravel()
         total = np.zeros((height * width, 3))
         for right, down in _SUB_PIXELS:
@@ -143,7 +148,11 @@ class RayPicture(RayCaster):
         if shot.lighting.outside is None:
             seen[nothing] = self._background
         elif len(nothing):
-            seen[nothing] = shot.lighting.outside(hits.places[nothing] - np.array(shot.camera.place))
+            seen[nothing] = shot.lighting.outside(hits.places[nothing] - np.array(shot.camera.place)) * shot.view
+        if shot.lighting.outdoors is not None:
+            open_air = np.flatnonzero(shot.lighting.outdoors(hits))
+            facing = np.clip(hits.normals[open_air] @ np.array(shot.lighting.toward_sun), 0, 1)[:, None]
+            seen[open_air] = bright[open_air] * (_DAYLIGHT + _SUNLIGHT * facing) * shot.view
         return seen
 
     def _scale(self, shot: "_Shot", hits: Hits, light: Array) -> float:
@@ -158,6 +167,8 @@ class _Shot:
     """A camera with its light, while a picture is drawn."""
 
     mirror: Reflections
+    view = 1.0
+    """Light of a white thing outside."""
 
     def __init__(self, camera: Camera, lighting: Lighting, grid: LightGrid, sun: LightGrid | None) -> None:
         self.camera, self.lighting, self._grid, self._sun_at = camera, lighting, grid, sun

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ....schemas.worlds.world import Room, Window, World, contains
 from ..decor.faces import window_heights
 from ..decor.lights import lamp_spots
+from ..geometry.parts import Vector
 from .outside import outside
 from .ray_casting import Array, Flags, Hits, RayCaster
 from .ray_light import SUNS, Lamp, Lighting
@@ -22,30 +23,27 @@ _PER_SET = 16
 _SKY_POWER = 2.6
 """Light of a window a metre wide, as `Lamp.power` counts it."""
 _SKY_COLOR = (0.94, 0.98, 1.05)
-_LAMP_POWER, _LAMP_ONLY_POWER = 0.45, 1.6
+_LAMP_POWER, _LAMP_ONLY_POWER = 0.7, 1.6
 """Light of a ceiling lamp by day, and of one that no window helps."""
-_LAMP_COLOR = (1.0, 0.9, 0.76)
+_LAMP_COLOR = (1.0, 0.86, 0.66)
+_STANDING_POWER, _STANDING_COLOR = 1.3, (1.0, 0.72, 0.42)
+"""Light of a lamp of 0.4 m that stands on the floor, and its colour: evening comes into the day."""
+_STANDING_M = 0.02
+"""Distance of such a lamp's light from its shade, which would hide it."""
 _LAMP_M, _BELOW_CEILING_M = 0.17, 0.15
 """Radius of a lamp and its distance from the ceiling, under its shade."""
-_SUN_POWER = 1.9
+_SUN_POWER = 5.5
 """Light of the sun on a white sheet that faces it."""
-_SUN_COLOR = np.array((1.0, 0.92, 0.78))
-_SUN_RISE = 0.75
+_SUN_COLOR = np.array((1.0, 0.89, 0.71))
+_SUN_RISE = 0.5
 """Tangent of the sun's height: its patches lie in the half of the room that is near the window."""
 _SUN_FAR_M = 60.0
 _SUN_RADIUS = 0.022
 """Radius of the sun, as one sees it through thin clouds, over its distance: edges of its patches are soft."""
-_AMBIENT = 0.045
+_AMBIENT = 0.03
 """Light that was thrown back more than once."""
 _AGAIN_SETS = 3
 """Sets of lamps for light that was thrown back twice."""
-_BLUR_RAD = 0.005
-_BLUR = ((0.0, 0.0), (0.9, 0.2), (-0.3, 0.8), (-0.8, -0.5), (0.4, -0.9))
-"""Directions around that of a view whose light comes to the same place, in `_BLUR_RAD`."""
-_OUTSIDE = 3.2
-"""Light of a white thing in the garden: cameras that see a room well show the day outside pale."""
-_PALE = 0.04
-"""Share of white in the colours of the garden."""
 _SHADED_M = 0.55
 """Things take light from what is nearer than this: a table from the floor below it."""
 _INTO_ROOM_M = 0.2
@@ -86,6 +84,7 @@ def room_lighting(caster: RayCaster, looks: Looks, world: World, room: Room) -> 
     power = _LAMP_POWER if openings or beyond else _LAMP_ONLY_POWER
     lamps = _ceiling_lamps(world, [room], power)
     lamps += _one_set(_ceiling_lamps(world, further, power))
+    lamps += _one_set([_standing(*shade) for shade in looks.lit_shades() if contains(room.polygon, *shade[0][:2])])
     sun = Sun(caster, [*openings, *beyond])
     rng = np.random.default_rng(_SEED)
     thrown = [_thrown_back(caster, looks.colors, group, _spread(group, rng)) for group in (*sky, *lamps)]
@@ -98,21 +97,12 @@ def room_lighting(caster: RayCaster, looks: Looks, world: World, room: Room) -> 
         ambient=(_AMBIENT, _AMBIENT, _AMBIENT),
         sun=sun.light if sun.openings else None,
         toward_sun=_vector(sun.toward),
-        outside=_garden,
+        outside=lambda rays: outside(rays) ** GAMMA,
+        outdoors=looks.outdoors,
         shaded_m=_SHADED_M,
         exposed=True,
         gloss=looks.gloss(),
     )
-
-
-def _garden(rays: Array) -> Array:
-    """Light of the view from windows: pale and not quite sharp, as cameras see it that look at a room."""
-    light = np.zeros((len(rays), 3))
-    across = np.stack([-rays[:, 1], rays[:, 0], np.zeros(len(rays))], axis=1)
-    for right, up in _BLUR:
-        away = rays + _BLUR_RAD * (right * across + np.array((0.0, 0.0, up)))
-        light += (outside(away / np.linalg.norm(away, axis=1, keepdims=True)) * (1 - _PALE) + _PALE) ** GAMMA
-    return light * (_OUTSIDE / len(_BLUR))
 
 
 def _neighbours(world: World, room: Room) -> list[Room]:
@@ -172,6 +162,24 @@ def _ceiling_lamps(world: World, rooms: Sequence[Room], power: float) -> list[li
                 ]
             )
     return sets
+
+
+def _standing(middle: Vector, half: Vector) -> list[Lamp]:
+    """Lamps all around a shade, above and below it: those within would light the shade alone."""
+    (x, y, z), (wide, _, tall) = middle, half
+    power = _STANDING_POWER * min(1.0, wide / 0.2)
+    made: list[Lamp] = []
+    for number in range(_PER_SET):
+        turn = number * 2.399963
+        if number % 2:
+            away = (cos(turn), sin(turn), 0.0)
+            place = (x + (wide + _STANDING_M) * away[0], y + (wide + _STANDING_M) * away[1], z)
+        else:
+            away = (0.0, 0.0, 1.0 if number % 4 else -1.0)
+            out = wide / 2
+            place = (x + out * cos(turn), y + out * sin(turn), z + (tall + _STANDING_M) * away[2])
+        made.append(Lamp(place, power, _STANDING_COLOR, away))
+    return made
 
 
 def _one_set(sets: Sequence[list[Lamp]], count: int = 1) -> list[list[Lamp]]:

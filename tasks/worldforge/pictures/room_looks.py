@@ -12,10 +12,13 @@ from ....schemas.worlds.world import Passage, World
 from ..decor.lights import LAMP_SHADE
 from ..decor.openings import LAID
 from ..geometry.boxes import Box, strip
+from ..geometry.parts import Vector
+from ..interiors.placement import room_rects
 from ..materials.materials import surface_name
 from ..materials.textures import sample, texture_size_m
+from .fine_forms import drawn, is_cloth, is_panelled, panel, weave
 from .outside import noise
-from .ray_casting import Array, Hits
+from .ray_casting import Array, Flags, Hits, Ids
 
 SMOOTH = ("Linoleum", "Parquetry", "Tiles")
 """Materials of floors that mirror: lacquered, waxed or glazed."""
@@ -28,8 +31,9 @@ _GRAIN_PER_M = (1.3, 42.0)
 """Bumps of the grain of wood, along a board and across it."""
 _GRAIN = 0.22
 """Difference between the lightest and the darkest wood of a board, of 1."""
-_WARM, _SATURATED = 0.07, 0.16
-"""A plain colour is taken for wood if there is so much more red than green, and red than blue."""
+_WARM, _RED, _SATURATED, _LEAST_BLUE = 0.07, 0.25, 0.16, 0.3
+"""A plain colour is taken for wood if there is so much more red than green (least and most), so much more red than
+blue, and so much blue for its red: cloth is more colourful."""
 _EDGE_M = 0.007
 """Width of the rounded edges of furniture, which catch light."""
 _BUMP_M, _BUMP = 0.004, 0.55
@@ -52,6 +56,12 @@ _GLOSSY: tuple[tuple[tuple[str, ...], str], ...] = (
     ((r"\.(top|front-|body|board)", r"^cabinet_", r"^(Dining|Coffee|Side|Console)Tables_\d+\.top"), "lacquer"),
 )
 """Beginnings and parts of names of geoms that mirror, by their kind of gloss; the first that fits counts."""
+_SHADE = np.array((1.9, 1.5, 0.95))
+"""Light of a lamp shade whose bulb is on."""
+_FINER = {"wall_Stone_": 1.7, "wall_Brick_": 1.15}
+"""Pictures show patterns so much smaller than simulations do, whose cameras have few pixels."""
+_WALL_M, _INDOORS_M = 0.04, 0.11
+"""Distances in front of a wall within its room, and outside rooms up to which things belong to windows and walls."""
 _NO_WOOD = ("cover", "blanket", "cushion", "pillow", "soft", "shade", "mattress", "throw")
 
 
@@ -73,16 +83,43 @@ class Looks:
         self._surfaces = [model.mat(index).name.removesuffix(LAID) for index in range(model.nmat)]
         self._materials = np.where(has_material, model.geom_matid, -1)
         self.names = [model.geom(index).name for index in range(model.ngeom)]
+        half = model.geom_aabb[:, 3:].astype(float)
         shades = [self._is_shade(index) for index in range(model.ngeom)]
         self._shade = np.array(shades, np.bool_)
         self._wood = np.array([self._is_wood(index) for index in range(model.ngeom)], np.bool_)
         self._sharp = (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX) & ~has_material
-        self._half = model.geom_aabb[:, 3:].astype(float)
+        self._half = half
+        self._cloth = np.array([is_cloth(name) for name in self.names], np.bool_)
+        self._panel = self._sharp & [is_panelled(*each) for each in zip(self.names, half, strict=True)]
+        self._print = np.array([bool(re.search(r"^picture_.*_(above|below)$", name)) for name in self.names], np.bool_)
+        self._rooms = [
+            (room_rects(room), surface_name("wall", room)) for room in world.floorplan.rooms if not room.is_outdoor
+        ]
         self._middle = model.geom_aabb[:, :3].astype(float)
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
         self._places, self._turns = data.geom_xpos.copy(), data.geom_xmat.reshape(-1, 3, 3).copy()
         self._thresholds = [threshold(passage) for passage in world.floorplan.passages if has_joint(passage, world)]
+
+    def lit_shades(self) -> list[tuple[Vector, Vector]]:
+        """Returns the middles and half extents of lamp shades that do not hang from ceilings, in metres."""
+        lamps = np.flatnonzero(self._shade & (self._materials < 0))
+        middles = self._places[lamps] + np.einsum("nij,nj->ni", self._turns[lamps], self._middle[lamps])
+        return [(tuple(at), tuple(half)) for at, half in zip(middles.tolist(), self._half[lamps].tolist(), strict=True)]
+
+    def outdoors(self, hits: Hits) -> Flags:
+        """Returns which places are outside the building."""
+        x, y, _ = (hits.places + 0.02 * hits.normals).T
+        outside = hits.geoms >= 0
+        for rects, _ in self._rooms:
+            for west, south, east, north in rects:
+                outside &= (
+                    (x < west - _INDOORS_M)
+                    | (x > east + _INDOORS_M)
+                    | (y < south - _INDOORS_M)
+                    | (y > north + _INDOORS_M)
+                )
+        return outside
 
     def gloss(self) -> Array:
         """Returns the shares of light that geoms mirror, straight and along the surface, shape (geoms, 2)."""
@@ -118,12 +155,19 @@ class Looks:
         """Directions of the surfaces of boxes, whose edges are round."""
         geoms = hits.geoms
         turns, half = self._turns[geoms], self._half[geoms]
-        inside = np.einsum("nji,nj->ni", turns, hits.places - self._places[geoms]) - self._middle[geoms]
+        inside = self._inside(hits)
         radius = np.minimum(_EDGE_M, 0.3 * half)
         over = np.clip((np.abs(inside) - (half - radius)) / radius, 0, 1)
         # Twice as deep in the middle of an edge: light changes there, as on a curve that is seen from afar.
         local = np.sign(inside) * over**1.5
+        panelled = np.flatnonzero(self._panel[geoms])
+        local[panelled] += 0.5 * panel(inside[panelled], half[panelled])[0]
         return np.einsum("nij,nj->ni", turns, local) + hits.normals * 0.35
+
+    def _inside(self, hits: Hits) -> Array:
+        """Places from the middles of their geoms, along the geoms' own axes."""
+        geoms = hits.geoms
+        return np.einsum("nji,nj->ni", self._turns[geoms], hits.places - self._places[geoms]) - self._middle[geoms]
 
     def colors(self, hits: Hits) -> Array:
         """Returns the surface colours at ray hits; those of shining surfaces are negative."""
@@ -132,28 +176,52 @@ class Looks:
         materials = np.where(hits.geoms >= 0, self._materials[known], -1)
         for index in np.unique(materials[materials >= 0]):
             name = self._surfaces[index]
-            if not name.startswith(("floor_", "wall_")):
-                continue
             mine = np.flatnonzero(materials == index)
-            colors[mine] = self._floor(name, hits[mine]) if name.startswith("floor_") else _wall(name, hits[mine])
-        special = (hits.geoms >= 0) & self._wood[known]
-        mine = np.flatnonzero(special)
-        colors[mine] *= self._worked(hits[mine])[:, None]
+            if name.startswith("floor_"):
+                colors[mine] = self._floor(name, hits[mine])
+            elif name.startswith("wall_"):
+                colors[mine] = self._wall(name, hits[mine])
+        self._detail(colors, hits, np.where(hits.geoms >= 0, known, -1))
         shades = np.flatnonzero((hits.geoms >= 0) & self._shade[known])
-        colors[shades] *= -(0.93 + 0.07 * hits.normals[shades, 2:])  # brighter above, where the bulb is
+        colors[shades] = -_SHADE * (0.9 + 0.1 * hits.normals[shades, 2:])  # brighter above, where the bulb is
+        return colors
+
+    def _detail(self, colors: Array, hits: Hits, geoms: Ids) -> None:
+        """Draws grain, weave, panels and prints into colours."""
+        known, there = np.maximum(geoms, 0), geoms >= 0
+        wood, cloth, panelled, prints = (
+            np.flatnonzero(there & kind[known]) for kind in (self._wood, self._cloth, self._panel, self._print)
+        )
+        colors[wood] *= self._worked(hits[wood])[:, None]
+        colors[cloth] *= weave(hits.places[cloth])[:, None]
+        colors[panelled] *= panel(self._inside(hits[panelled]), self._half[geoms[panelled]])[1][:, None]
+        own = geoms[prints]
+        colors[prints] = drawn(colors[prints], self._inside(hits[prints]), self._half[own], own.astype(float))
+
+    def _wall(self, name: str, hits: Hits) -> Array:
+        """Colours of walls: those of the room before them, also at the ends of walls of other rooms."""
+        x, y, _ = (hits.places + _WALL_M * hits.normals).T
+        names = np.full(len(x), -1)
+        for number, (rects, _) in enumerate(self._rooms):
+            for west, south, east, north in rects:
+                names[(x > west) & (x < east) & (y > south) & (y < north)] = number
+        colors = np.zeros((len(x), 3))
+        for number in np.unique(names):
+            mine = np.flatnonzero(names == number)
+            colors[mine] = _wall(self._rooms[number][1] if number >= 0 else name, hits[mine])
         return colors
 
     def _is_shade(self, number: int) -> bool:
         name, material = self.names[number], int(self._materials[number])
-        return (material >= 0 and self._surfaces[material] == LAMP_SHADE) or name.removesuffix("_seen").endswith(
-            ".shade"
-        )
+        part = name.removesuffix("_seen").partition(".")[2]
+        return (material >= 0 and self._surfaces[material] == LAMP_SHADE) or part in ("shade", "lamp-shade")
 
     def _is_wood(self, number: int) -> bool:
         red, green, blue = self._plain[number]
         part = self.names[number].partition(".")[2]
         is_furniture = bool(part) and not any(word in part for word in _NO_WOOD)
-        return is_furniture and self._materials[number] < 0 and red - green > _WARM and red - blue > _SATURATED
+        is_brown = _RED > red - green > _WARM and red - blue > _SATURATED and blue > _LEAST_BLUE * red
+        return is_furniture and self._materials[number] < 0 and is_brown
 
     def _floor(self, name: str, hits: Hits) -> Array:
         x, y, _ = hits.places.T
@@ -166,8 +234,7 @@ class Looks:
     def _worked(self, hits: Hits) -> Array:
         """Brightness of the grain of wood at places."""
         geoms = hits.geoms
-        inside = np.einsum("nji,nj->ni", self._turns[geoms], hits.places - self._places[geoms]) - self._middle[geoms]
-        half = self._half[geoms]
+        inside, half = self._inside(hits), self._half[geoms]
         order = np.argsort(-half, axis=1)
         along, across, through = (np.take_along_axis(inside, order[:, [axis]], 1)[:, 0] for axis in range(3))
         # Each board is cut from another place of the tree.
@@ -182,7 +249,8 @@ def _bumpy(name: str, hits: Hits) -> Array:
     x, y, z = hits.places.T
     upright = np.abs(hits.normals[:, 2]) < 0.5
     on_y = np.abs(hits.normals[:, 0]) > 0.5
-    u, v = np.where(upright & on_y, y, x), np.where(upright, z, y)
+    finer = _finer(name)
+    u, v = finer * np.where(upright & on_y, y, x), finer * np.where(upright, z, y)
     here = sample(name, u, v).mean(axis=1) / 255.0
     right = (sample(name, u + _BUMP_M, v).mean(axis=1) / 255.0 - here) * _BUMP
     up = (sample(name, u, v + _BUMP_M).mean(axis=1) / 255.0 - here) * _BUMP
@@ -197,7 +265,12 @@ def _wall(name: str, hits: Hits) -> Array:
     """Colours of places on a wall."""
     x, y, z = hits.places.T
     along = np.where(np.abs(hits.normals[:, 0]) > 0.5, y, x)
-    return sample(name, along, z) / 255.0
+    finer = _finer(name)
+    return sample(name, along * finer, z * finer) / 255.0
+
+
+def _finer(name: str) -> float:
+    return next((share for start, share in _FINER.items() if name.startswith(start)), 1.0)
 
 
 def has_joint(passage: Passage, world: World) -> bool:

@@ -6,11 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+from scipy import ndimage
 
 from prefect_robomaker.schemas.worlds.world import FLOOR_MATERIALS, World
 from prefect_robomaker.tasks.worldforge.generator import generate_world
 from prefect_robomaker.tasks.worldforge.pictures import preview
 from prefect_robomaker.tasks.worldforge.pictures.preview import HEIGHT, WIDTH, render_preview
+from prefect_robomaker.tasks.worldforge.pictures.preview_labels import readable
 from prefect_robomaker.tasks.worldforge.pictures.preview_raster import Raster, View
 from prefect_robomaker.tasks.worldforge.pictures.preview_things import things_from_above
 
@@ -121,3 +123,33 @@ def test_a_strip_lies_between_two_floors(flat: World, monkeypatch: pytest.Monkey
     monkeypatch.setattr(preview, "has_joint", lambda *_: False)
     changed = np.abs(with_strips - pixels(flat)).max(axis=2) > 12
     assert 0.00005 < changed.mean() < 0.02
+
+
+def test_each_room_has_its_name_on_its_own_floor(flat: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    bare = flat.model_copy(update={"furniture": []})
+    labelled = pixels(bare)
+    monkeypatch.setattr(preview, "with_labels", lambda lit, *_: lit)
+    unlabelled = pixels(bare)
+    paper = np.abs(labelled - unlabelled).max(axis=2) > 3
+    found, count = ndimage.label(ndimage.binary_closing(paper, iterations=2))
+    assert count == len(flat.floorplan.rooms)
+    for place in ndimage.find_objects(found):
+        # Letters are dark on paper, and the label lies on one floor: below it there is no white top of a wall.
+        assert labelled[place].min() < 80 < 200 < np.median(labelled[place])
+        assert (unlabelled[place].min(axis=2) > 243).mean() < 0.1
+
+
+def test_names_of_rooms_are_written_in_the_letters_that_the_font_has(flat: World) -> None:
+    room = flat.floorplan.rooms[0]
+    shown = {name: readable(room.model_copy(update={"original_name": name})) for name in ("Salon 2", "Küche", "台所")}
+    assert shown == {"Salon 2": "Salon 2", "Küche": room.name, "台所": room.name}
+
+
+def test_tall_furniture_is_cut_and_a_floor_lamp_is_whole(flat: World) -> None:
+    tall = max(flat.furniture, key=lambda item: item.height_m)
+    assert tall.height_m > 1.6
+    cut = preview._cut_solids(tall)
+    assert max(solid.center[2] + solid.size[2] / 2 for solid in cut) == pytest.approx(1.3)
+    assert min(solid.size[2] for solid in cut) > 0
+    lamp = tall.model_copy(update={"model_type": "FloorLamps", "style": "shade black"})
+    assert max(solid.center[2] + solid.size[2] / 2 for solid in preview._cut_solids(lamp)) > 1.5

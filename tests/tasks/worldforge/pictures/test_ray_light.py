@@ -76,6 +76,26 @@ def penumbra_m(height_m: float) -> float:
 
 
 def test_the_edge_of_sunlight_is_softer_far_from_what_shades_it() -> None:
-    near, far = penumbra_m(0.15), penumbra_m(0.9)
+    near, far = penumbra_m(0.15), penumbra_m(0.6)
     assert far > 2.5 * near
     assert far < 0.2
+
+
+def test_a_bar_that_the_grid_misses_has_its_own_light() -> None:
+    # Pixels of the grid are three apart: a bar of one pixel between two of them has none.
+    width, height = 48, 30
+    rows, columns = (axis.ravel() for axis in np.indices((height, width)))
+    bar = rows == 16
+    places = np.stack([columns * 0.02, np.zeros(len(rows)), rows * 0.02], axis=1)
+    normals = np.tile((0.0, -1.0, 0.0), (len(rows), 1))
+    places[bar, 1], normals[bar] = -0.5, (0.0, 0.0, 1.0)
+    hits = Hits(np.where(bar, 1, 0).astype(np.int32), places, normals)
+    caster = RayCaster(mujoco.MjModel.from_xml_string("<mujoco/>"))  # pyright: ignore[reportAttributeAccessIssue]
+    # The lamp is above the bar and behind the rest.
+    lighting = Lighting([[Lamp((0.48, 0.5, 3.0), 4.0)] * 16], ambient=(0.1, 0.1, 0.1))
+    grid = LightGrid.cast(caster, hits, lighting, (height, width))
+    at = hits[bar], rows[bar].astype(float), columns[bar].astype(float)
+    missed = grid.at(*at)[0].mean(axis=1)
+    found = grid.refined(caster, hits, lighting, (height, width)).at(*at)[0].mean(axis=1)
+    assert missed.max() < 0.2
+    assert found.min() > 0.5

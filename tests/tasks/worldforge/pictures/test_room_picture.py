@@ -4,6 +4,7 @@ import io
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from prefect_robomaker.schemas.worlds.world import World, contains
 from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world
 from prefect_robomaker.tasks.worldforge.gazebo.importing import Start, Wishes, import_gazebo_world
 from prefect_robomaker.tasks.worldforge.generator import generate_world
+from prefect_robomaker.tasks.worldforge.pictures import room_lights
 from prefect_robomaker.tasks.worldforge.pictures.ray_casting import Hits
 from prefect_robomaker.tasks.worldforge.pictures.ray_light import LightGrid
 from prefect_robomaker.tasks.worldforge.pictures.ray_picture import RayPicture
@@ -186,3 +188,48 @@ def test_rooms_of_worlds_from_gazebo_have_pictures_without_decoration(tmp_path: 
     picture = pixels(world, "East")
     assert picture.std() > 5
     assert not any(name.startswith(("thing_", "picture_", "rug_")) for name in seen(world, "East")[0])
+
+
+@pytest.fixture(scope="module")
+def flat_model(flat: World) -> Any:
+    """The flat, compiled once for tests that draw nothing."""
+    return decorated_model(flat)
+
+
+def test_a_wall_has_the_finish_of_the_room_that_sees_it_also_at_the_end_of_another_wall(
+    flat: World, flat_model: Any
+) -> None:
+    looks = Looks(flat_model, flat)
+    walls = [number for number, name in enumerate(looks.names) if name.startswith("wall_")]
+
+    def colors(x: float, y: float) -> np.ndarray:
+        places, normals = np.tile((x, y, 1.0), (len(walls), 1)), np.tile((1.0, 0.0, 0.0), (len(walls), 1))
+        return looks.colors(Hits(np.array(walls, np.int32), places, normals))
+
+    inside = [colors(*room.goal) for room in flat.floorplan.rooms]
+    assert all(np.ptp(each, axis=0).max() == 0 for each in inside)
+    assert len({each[0].tobytes() for each in inside}) > 1
+    # Outside the building, walls have finishes of their own.
+    assert np.ptp(colors(-50.0, -50.0), axis=0).max() > 0.05
+
+
+def test_a_standing_lamp_shines_past_its_shade_and_the_garden_begins_behind_the_walls(
+    flat: World, flat_model: Any
+) -> None:
+    looks = Looks(flat_model, flat)
+    caster = RayPicture(flat_model, looks.colors)
+    middle, _ = looks.lit_shades()[0]
+    room = next(each for each in flat.floorplan.rooms if contains(each.polygon, *middle[:2]))
+    near = [
+        lamp
+        for group in room_lighting(caster, looks, flat, room).lamps
+        for lamp in group
+        if lamp.color == room_lights._STANDING_COLOR and np.linalg.norm(np.subtract(lamp.place, middle)) < 0.5
+    ]
+    assert len(near) >= 4
+    for lamp in near:
+        hit = caster.hits(lamp.place, np.array([lamp.facing or ()]))
+        assert np.linalg.norm(hit.places[0] - lamp.place) > 0.3 or not looks.names[hit.geoms[0]].endswith("shade")
+    places = np.array([(*flat.floorplan.rooms[0].goal, 1.0), (-50.0, 0.0, 1.0)])
+    hits = Hits(np.zeros(2, np.int32), places, np.tile((0.0, 0.0, 1.0), (2, 1)))
+    assert looks.outdoors(hits).tolist() == [False, True]
