@@ -412,7 +412,10 @@ def _write(line):
 
 
 def _holds_hashes(value):
-    """Begins this program anew if its hashes or addresses are other ones; false if that cannot be done."""
+    """Starts this program anew, with these hashes and addresses, if its own are others, and then does not return.
+
+    Returns true if both are so already. If the program cannot be started anew, returns whether its hashes are so.
+    """
     is_fixed = sys.flags.hash_randomization == 0 if value == 0 else os.environ.get("PYTHONHASHSEED") == str(value)
     if is_fixed and not _fix_addresses():
         if value:
