@@ -132,7 +132,7 @@ def test_a_call_without_what_has_a_default_does_it(service: Service, prefect_ser
         object(),
         Completed(),
     ],
-    ids=repr,
+    ids=["json", "tuple", "time", "time as key", "set", "object", "state"],
 )
 def test_parameters_are_stored_as_prefect_stores_them(value: Any) -> None:
     def body(value: Any) -> Any:
