@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from ...schemas.reports.report import AxisResult, Report, ReportedFile, ReportedJob, ReportSummary, Share
-from ...schemas.runs.plan import RunResult
+from ...schemas.runs.plan import Requirement, RunResult
 from ...schemas.runs.programs import WAITS_FOR
 from ..results.table import ResultTable
 from . import outcomes
@@ -92,6 +92,13 @@ class JobView:
     def result(self) -> RunResult | None:
         """The job's result, if it has one."""
         return self.job.result
+
+    @property
+    def requirements(self) -> list[tuple[Requirement, bool]]:
+        """The job's requirements, and whether each counts for nothing: those that are not met first, such ones last."""
+        found = self.job.result.requirements if self.job.result is not None else []
+        marked = [(item, item.is_aside(of_trials=self.trials is not None)) for item in found]
+        return sorted(marked, key=lambda each: (each[1], each[0].satisfied))
 
 
 @dataclass(frozen=True)

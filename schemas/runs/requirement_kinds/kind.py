@@ -70,6 +70,15 @@ class Requirement(Model):
     room: str | None = optional("Room that the robot was in then; absent: in none, or it is not known.")
     other: str | None = optional("Thing that the robot touched then, or was too near to; absent: it is about none.")
 
+    def is_aside(self, *, of_trials: bool) -> bool:
+        """Returns whether nothing depends on the requirement: it is switched off, or does not count.
+
+        Args:
+            of_trials: Whether it is an entry of a job with trials, of which only `trials` counts in the job and all
+                others count in each trial, unless they are off.
+        """
+        return self.error is None and (self.kind == "off" or not (self.counts or of_trials))
+
 
 class RequirementError(LaunchError):
     """Raised for a requirement that cannot be checked; the request is blamed."""
