@@ -87,6 +87,22 @@ def test_a_page_has_poses_marks_margins_and_times_of_lines_and_videos(
     assert "style=" not in page.partition('id="timeline"')[2].partition("</section>")[0], "the policy allows none"
 
 
+def test_plan_and_video_stand_right_under_the_slider(browser: Any, store_job: Callable[..., str]) -> None:
+    job = store_job(verdict="FAIL", files=outputs(video_mp4=b"film") | {"logs/stdout.log": b"first\ntouch\nlast\n"})
+    page = browser.get(f"/console/jobs/{job}").text
+    parts = (
+        'id="moment"',
+        'class="plan',
+        "<video",
+        'class="moment-list"',
+        'class="margins"',
+        'id="result-title"',
+        'id="log-1"',
+    )
+    assert [page.count(each) for each in parts] == [1] * len(parts)
+    assert sorted(parts, key=page.index) == list(parts)
+
+
 def test_what_is_missing_is_said_and_the_rest_is_there(browser: Any, store_job: Callable[..., str]) -> None:
     bare = store_job(verdict="FAIL", files=outputs(timeline=None))
     page = browser.get(f"/console/jobs/{bare}").text
