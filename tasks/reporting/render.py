@@ -3,12 +3,13 @@
 import base64
 import hashlib
 import os
+import re
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
 import jinja2
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from ...schemas.reports.history import History
 from ...schemas.reports.report import Report
@@ -170,6 +171,11 @@ def _environment(*folders: Path) -> jinja2.Environment:
     return page_environment(*folders)
 
 
+def _coded(text: str) -> Markup:
+    """Escapes a text for HTML, with what stands between backticks as code."""
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))  # noqa: S704 - it is escaped
+
+
 def page_environment(*folders: Path) -> jinja2.Environment:
     """Makes a Jinja environment with autoescaping and the templates and filters of reports.
 
@@ -188,6 +194,7 @@ def page_environment(*folders: Path) -> jinja2.Environment:
         number=outcomes.number,
         plain=outcomes.plain,
         compact=outcomes.compact,
+        coded=_coded,
         axes=axes_in_words,
         moment=outcomes.moment,
         minute=outcomes.minute,

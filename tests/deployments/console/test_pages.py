@@ -543,4 +543,4 @@ def test_the_page_of_a_run_says_why_its_trials_failed(browser: Any, service: Ser
 
     assert "<strong>FLOOR = carpet</strong>: 38 of 186, elsewhere 8 of 367: 9.5 times as often" in shown
     assert '<svg class="cause-plot"' in shown
-    assert "robomaker repro sim-0 --trial 49" in shown
+    assert 'robomaker repro sim-0 <span class="whole">--trial 49</span>' in shown

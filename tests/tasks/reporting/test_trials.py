@@ -78,6 +78,17 @@ def test_a_card_of_trials_sets_aside_only_what_is_off() -> None:
     ]
 
 
+def test_columns_in_which_no_job_has_a_number_are_left_out_and_cards_of_trials_are_stacked() -> None:
+    made = result(trials_of_variables(2, {"SPEED": ["0.2", "0.4"]}), 10)
+    page = render_report(report(made, made))
+    table = page.partition('id="table"')[2].partition("</table>")[0]
+    heads = re.findall(r'<th scope="col"[^>]*>([^<]*?) ?(?:<span|</th>)', table)
+    assert "Wall time" in heads
+    assert not {"Rooms visited", "Collisions", "Largest force"} & set(heads)
+    assert {table.count(f'data-label="{each}"') for each in heads[1:]} == {2}, "one cell of each job under each head"
+    assert page.count(" bare of-trials") == 2
+
+
 def test_a_card_has_a_rate_for_each_part_of_each_axis() -> None:
     axes = {
         "mass": {"kind": "robot_mass", "range": [0.5, 1.5]},

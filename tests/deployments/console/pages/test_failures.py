@@ -44,6 +44,7 @@ def test_failures_are_grouped_by_what_was_missed(browser: Any, store_job: Callab
     [address] = re.findall(r'href="(/console/failures\?[^"]*)"', page)
     every = browser.get(address.replace("&amp;", "&")).text
     assert len(set(re.findall(r'href="/console/jobs/(sim-\w+)"', every))) == 3
+    assert "·" not in "".join(re.findall(r'class="links">(.*?)</li>', page)), "a dot could begin a line"
     assert sorted(rows(browser.get("/console/failures").text)) == sorted(rows(page))
 
 
