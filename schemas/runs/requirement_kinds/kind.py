@@ -40,6 +40,8 @@ ROUNDING_S = 1e-6
 """Tolerance in seconds within which times are equal, as sums of time steps have rounding errors."""
 STOP = "Whether the run ends as soon as it is violated"
 STOP_OR_REACHED = f"{STOP}, or once all goals that say so are reached; the verdict stands then."
+COUNTS_IN_NO_TRIAL = "counts in no trial; "
+"""Beginning of the detail of a requirement of a job with trials that counted in none: goals ended each before it."""
 _MAX_TEXT = 300
 """Maximum number of characters of an error or a reason in results."""
 
@@ -75,9 +77,10 @@ class Requirement(Model):
 
         Args:
             of_trials: Whether it is an entry of a job with trials, of which only `trials` counts in the job and all
-                others count in each trial, unless they are off.
+                others count in their trials, unless they are off or their detail says that they count in none.
         """
-        return self.error is None and (self.kind == "off" or not (self.counts or of_trials))
+        counts = not self.detail.startswith(COUNTS_IN_NO_TRIAL) if of_trials else self.counts
+        return self.error is None and (self.kind == "off" or not counts)
 
 
 class RequirementError(LaunchError):

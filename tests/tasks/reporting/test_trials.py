@@ -66,15 +66,19 @@ def test_a_card_of_trials_sets_aside_only_what_is_off() -> None:
     trials = trials_of_variables(2, {"SPEED": ["0.2", "0.4"]})
     tally = Tally(trials)
     off = Requirement(name="rooms", kind="off", satisfied=False, detail="off: 1 of 2", counts=False)
+    early = Requirement(name="visits", satisfied=False, detail="the goals ended the run", counts=False)
     own = Requirement(name="gentle", kind="no_collision", satisfied=True, detail="0 N")
     for number in range(4):
-        asked = [off, own.model_copy(update={"satisfied": number > 0})]
+        asked = [off, early, own.model_copy(update={"satisfied": number > 0})]
         tally.take(TrialRow(trial=number, seed=number, verdict="FAIL" if not number else "PASS", requirements=asked))
     page = render_report(report(tally.result("environment", 7, {}, [])))
     listed = re.findall(r'<li class="([a-z ]+)">.*?<strong>([^<]*)</strong> (.*?)</span></li>', page)
-    assert [(key, name, "does not count" in text) for key, name, text in listed if name in ("gentle", "rooms")] == [
+    assert [
+        (key, name, "does not count" in text) for key, name, text in listed if name in ("gentle", "rooms", "visits")
+    ] == [
         ("failed", "gentle", False),
         ("unjudged aside", "rooms", True),
+        ("unjudged aside", "visits", True),
     ]
 
 
