@@ -81,6 +81,9 @@ def show(visit: Visit) -> Response:
         card = replace(
             card, job=told, title=told.title, files=shown, poster=None if "video.mp4" in files else card.poster, log=""
         )
+    drive = card if card is not None and timeline is not None and timeline.trial is None and timeline.end_s else None
+    if card is not None and drive is not None and drive.plan:  # it stands beside the video, under the time line
+        card = replace(card, plan=None, plan_note="")
     return visit.page(
         "job.html.j2",
         job=job,
@@ -92,6 +95,7 @@ def show(visit: Visit) -> Response:
         has_run=PROVENANCE_FILE in files or (document.outputs is None and document.run_id is not None),
         view=view,
         card=card,
+        drive=drive,
         world=world,
         open_plan=open_plan(world, job.id),
         links=links,

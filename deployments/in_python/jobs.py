@@ -15,6 +15,7 @@ from ...schemas.reports.run_states import case_outcome
 from ...schemas.runs.plan import Requirement, RunResult, Verdict
 from ...schemas.wire.errors import ObjectNotFoundError, ResourceNotFoundException, RobomakerError
 from ...schemas.wire.request_problems import nearest, some
+from ...tasks.comparison.compared_runs import TRIALS
 from ...tasks.runtime.episode.run_results import RESULT_FILE
 from ...tasks.service.service import Service
 from ...tasks.storage import read_manifest
@@ -150,8 +151,14 @@ class Job:
             return [item.key.removeprefix(prefix) for item in store.list(place.bucket, prefix)]
 
     def _repr_html_(self) -> str:
+        of_trials = any(each.name == TRIALS for each in self.record.requirements)
         requirements = [
-            (each.name, badge(_standing_of(each)), each.detail, "" if each.counts else "does not count")
+            (
+                each.name,
+                badge(_standing_of(each)),
+                each.detail,
+                "does not count" if each.is_aside(of_trials=of_trials) else "",
+            )
             for each in self.record.requirements
         ]
         try:

@@ -29,6 +29,11 @@ class Claim(Model):
     alike: list[str] = Field(
         default=[], description="Regions of other axes with nearly the same trials, which may be the cause as well."
     )
+    failed_otherwise: int = Field(
+        default=0,
+        description="Counted trials that missed another requirement first: those that met this one count as passed "
+        "where nearly no trial passed; 0 where enough did.",
+    )
 
     @property
     def numbers(self) -> str:
@@ -37,6 +42,8 @@ class Claim(Model):
         An example: `9 of 10, elsewhere 3 of 30: 9.0 times as often (95 %: 3.1 to 26.4), in all jobs`.
         """
         also = f"; {' and '.join(self.alike)} has nearly the same trials" if self.alike else ""
+        if self.failed_otherwise:
+            also += f"; {self.failed_otherwise} that failed otherwise are compared, too, as nearly none passed"
         return (
             f"{self.failed_inside} of {self.trials_inside}, elsewhere {self.failed_outside} of {self.trials_outside}: "
             f"{self.lift:.1f} times as often (95 %: {self.low:.1f} to {self.high:.1f}), in {self.scope}{also}"

@@ -118,7 +118,11 @@ _ESCAPED = re.compile(r"(?:=[0-9A-F]{2})+")
 
 
 def tag_value(value: Value) -> str:
-    """Returns the tag that says a value of an axis: a number as it is, a text with `=2C` for a comma."""
+    """Returns the tag that says a value of an axis: a number as it is, a text with `=2C` for a comma.
+
+    Of a text that could be read as a number, such as `0.5` of a variable, the first digit is written so, too (`=30.5`):
+    tags have no types, and variables are texts, which are other values than numbers.
+    """
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, int | float):
@@ -137,6 +141,13 @@ def cell_in_tags(tags: object) -> dict[str, Value]:
     return {
         str(name).removeprefix(AXIS_TAG): _said(str(text)) for name, text in found if str(name).startswith(AXIS_TAG)
     }
+
+
+def tag_in_words(name: str, value: str) -> str:
+    """Formats a tag for people: an axis as `stop = 0.5`, any other one as `team=red`."""
+    if not name.startswith(AXIS_TAG):
+        return f"{name}={value}"
+    return f"{name.removeprefix(AXIS_TAG)} = {value_text(_said(value))}"
 
 
 def _said(text: str) -> Value:

@@ -1,13 +1,15 @@
 """The reasons of a run's failures: groups, claims about them, sensitivities, drawings, and what cannot be told."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...schemas.reports.against import FEWEST_WORLDS
 from ...schemas.reports.causes import CellPlot, Claim, FailureGroup, MarginPlot, Sensitivity, Why
 from ..results.table import ResultTable
+from .compared import compared, is_compared_with_failures
 from .evidence import AxisColumn, Evidence, evidence_of, varies
 from .groups import Group, groups_of
 from .lift import lift_of
@@ -39,22 +41,27 @@ def explain(results: ResultTable, *, refused: str = "", states: Sequence[str | N
         return None
     axes = list(varying(evidence))
     wholes = groups_of(evidence)
-    all_groups = [each for whole in wholes for each in (whole, *whole.parts)]
+    tested = _tested(results, evidence, wholes)
     fewest = fewest_failures(len(axes))
     can_tell = not refused and bool(axes or evidence.world_count >= FEWEST_WORLDS)
-    large = [each for each in all_groups if each.count >= fewest] if can_tell else []
+    chosen_from = list({id(each): each for each in tested.values()}.values())
+    large = [each for each in chosen_from if each.count >= fewest] if can_tell else []
     chance = np.random.default_rng(_SEED)
     found = hypotheses_of(evidence, large, axes, chance)
     claimed = {id(group): _claimed(evidence, group, number, found) for number, group in enumerate(large)}
+
+    def claims_about(group: Group) -> _Claims:
+        return claimed.get(id(tested[id(group)]), [])
+
     chosen = sorted(
-        (each for whole in wholes for each in _chosen(whole, claimed)),
+        (each for whole in wholes for each in _chosen(whole, claims_about)),
         key=lambda each: (-each.count, each.signature.order),
     )
     groups = [
         _reported(
-            results, evidence, each, claimed.get(id(each), []),
-            _too_few(len(evidence), each.count, fewest, can_tell)
-            or ("" if claimed.get(id(each)) else _in_doubt(evidence, each, axes)),
+            results, evidence, each, claims_about(each),
+            _too_few(len(evidence), tested[id(each)].count, fewest, can_tell)
+            or ("" if claims_about(each) else _in_doubt(evidence, tested[id(each)], axes)),
         )
         for each in chosen
     ]  # fmt: skip
@@ -67,7 +74,7 @@ def explain(results: ResultTable, *, refused: str = "", states: Sequence[str | N
         lifts=lifts_of(evidence, large, names, found),
         sensitivities=margins,
         margin_plots=_margin_plots(results, evidence, margins),
-        cell_plots=_cell_plots(evidence, chosen, claimed, axes),
+        cell_plots=_cell_plots(evidence, [(tested[id(each)], claims_about(each)) for each in chosen], axes),
         refused=[*([refused] if refused else _refused(evidence, axes)), *not_shown],
     )
 
@@ -75,15 +82,26 @@ def explain(results: ResultTable, *, refused: str = "", states: Sequence[str | N
 _Claims = list[tuple[Claim, Hypothesis]]
 
 
+def _tested(results: ResultTable, evidence: Evidence, wholes: Sequence[Group]) -> dict[int, Group]:
+    """Returns the group that is tested for each group, by its id: itself, or the whole one where nearly none passed.
+
+    Failures of one room that are compared with those of others would make two causes of one that acts everywhere.
+    """
+    if not is_compared_with_failures(evidence):
+        return {id(each): each for whole in wholes for each in (whole, *whole.parts)}
+    found = [(whole, compared(results, evidence, whole)) for whole in wholes]
+    return {id(each): group for whole, group in found for each in (whole, *whole.parts)}
+
+
 def _claimed(evidence: Evidence, group: Group, number: int, found: Sequence[Hypothesis]) -> _Claims:
     return claims_of(evidence, group, [each for each in found if each.group == number])
 
 
-def _chosen(whole: Group, claimed: dict[int, _Claims]) -> Sequence[Group]:
+def _chosen(whole: Group, claims_about: Callable[[Group], _Claims]) -> Sequence[Group]:
     """Returns the group, or its parts if one of them has a stronger claim of a cause, or the whole group has none."""
 
     def strength(group: Group) -> float:
-        return max((each.strength for _, each in claimed.get(id(group), [])), default=0.0)
+        return max((each.strength for _, each in claims_about(group)), default=0.0)
 
     if not whole.parts:
         return [whole]
@@ -97,7 +115,8 @@ def _name(group: Group) -> str:
 
 def _reported(results: ResultTable, evidence: Evidence, group: Group, claims: _Claims, refused: str) -> FailureGroup:
     region = claims[0][1].mask if claims else np.ones(len(evidence), dtype=np.bool_)
-    rows = evidence.rows[group.failed & region]
+    inside = group.failed & region
+    rows = evidence.rows[inside if inside.any() else group.failed]
     outputs = results.texts("output")
     kept = next((row for row in rows.tolist() if outputs[row]), None)
     row = int(rows[0]) if kept is None else kept
@@ -131,23 +150,42 @@ def _too_few(trials: int, failures: int, fewest: int, can_tell: bool) -> str:
 def _in_doubt(evidence: Evidence, group: Group, axes: Sequence[AxisColumn]) -> str:
     """Names the region of an axis that might explain a group although it is not shown to; empty: none might.
 
-    Trials that failed otherwise are counted nowhere, as they may have failed so later; their number is told.
+    Trials that failed otherwise are counted nowhere unless `compared` counts them; the number of others is told.
     """
+    if not (group.at_risk & ~group.failed).any():
+        return _nothing_to_compare(evidence, group)
     regions = [(region.words, region.mask(axis)) for axis in axes for region in regions_of(axis)]
     lifts = [(words, lift) for words, mask in regions if (lift := lift_of(evidence, group, mask)) is not None]
     if not lifts:
-        return ""
+        return _bare_regions(group, regions) or ("too few trials to tell whether an axis explains it" if axes else "")
     words, best = max(lifts, key=lambda item: item[1].low)
     if best.high < _RELEVANT_LIFT and best.outside * (best.high - 1) < _RELEVANT_RISE:
-        return ""
+        return _bare_regions(group, regions)
     if best.value < _RELEVANT_LIFT and best.inside - best.outside < _RELEVANT_RISE:
-        return "too few trials to tell whether an axis explains it"
+        return _bare_regions(group, regions) or "too few trials to tell whether an axis explains it"
     others = len(evidence) - int(group.at_risk.sum())
     besides = f", without {others} that failed otherwise" if others else ""
     return (
         f"too few trials to tell: it may go with {words} ({best.failed_inside} of {best.trials_inside}, elsewhere "
         f"{best.failed_outside} of {best.trials_outside}{besides})"
     )
+
+
+def _bare_regions(group: Group, regions: Sequence[tuple[str, NDArray[np.bool_]]]) -> str:
+    """Says that all trials of a region failed otherwise, so that none can be compared; empty: there is no such."""
+    bare = [(words, int(mask.sum())) for words, mask in regions if not (mask & group.at_risk).any()]
+    if not bare:
+        return ""
+    words, count = max(bare, key=lambda item: item[1])
+    which = "the only trial" if count == 1 else f"all {count} trials"
+    return f"too few trials to tell: {which} with {words} failed otherwise, so there is nothing to compare with"
+
+
+def _nothing_to_compare(evidence: Evidence, group: Group) -> str:
+    """Says that all trials failed, and none of them can stand for a trial that met the group's requirement."""
+    others = len(evidence) - int(group.at_risk.sum())
+    besides = f" ({others} failed otherwise, perhaps before they could have failed so)" if others else ""
+    return f"no trial passed, so there is nothing to compare with{besides}"
 
 
 def _refused(evidence: Evidence, axes: Sequence[AxisColumn]) -> Iterator[str]:
@@ -188,15 +226,10 @@ def _margin_plots(results: ResultTable, evidence: Evidence, found: Sequence[Sens
 
 
 def _cell_plots(
-    evidence: Evidence, groups: Sequence[Group], claimed: dict[int, _Claims], axes: Sequence[AxisColumn]
+    evidence: Evidence, groups: Sequence[tuple[Group, _Claims]], axes: Sequence[AxisColumn]
 ) -> list[CellPlot]:
     by_name = {axis.name: axis for axis in axes}
-    wanted = [
-        (group, hypothesis)
-        for group in groups
-        for _, hypothesis in claimed.get(id(group), [])
-        if hypothesis.kind != "world"
-    ]
+    wanted = [(group, hypothesis) for group, claims in groups for _, hypothesis in claims if hypothesis.kind != "world"]
     return [_cell_plot(evidence, group, hypothesis, by_name) for group, hypothesis in wanted[:_MOST_PLOTS]]
 
 

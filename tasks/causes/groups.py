@@ -27,9 +27,11 @@ class Group:
     failed: NDArray[np.bool_]
     """Trials that failed so: True for each of them."""
     at_risk: NDArray[np.bool_]
-    """Trials that failed so or passed. What failed otherwise might have failed so later, and is no evidence."""
+    """Trials that failed so or passed. What failed otherwise might have failed so later; see `compared`."""
     parts: "tuple[Group, ...]" = ()
     """Groups that it is split into, the largest first; empty: it is not."""
+    others: int = 0
+    """Trials at risk that missed another requirement first; 0 where enough trials passed."""
 
     @property
     def count(self) -> int:

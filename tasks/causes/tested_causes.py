@@ -235,7 +235,7 @@ def claims_of(evidence: Evidence, group: Group, found: Sequence[Hypothesis]) -> 
     shown = [(each, lift) for each, lift in lifted if lift.low > 1]
     kept = [(each, lift) for each, lift in shown if not _is_explained(each, [other for other, _ in shown])]
     kept.sort(key=lambda item: (-item[0].strength, item[0].region))
-    return [(_claim(each, lift, found), each) for each, lift in kept]
+    return [(_claim(each, lift, found, group.others), each) for each, lift in kept]
 
 
 def _lift(evidence: Evidence, group: Group, hypothesis: Hypothesis) -> Lift | None:
@@ -258,7 +258,7 @@ def _is_explained(hypothesis: Hypothesis, shown: Sequence[Hypothesis]) -> bool:
     )
 
 
-def _claim(hypothesis: Hypothesis, lift: Lift, found: Sequence[Hypothesis]) -> Claim:
+def _claim(hypothesis: Hypothesis, lift: Lift, found: Sequence[Hypothesis], others: int) -> Claim:
     return Claim(
         kind=hypothesis.kind,
         axes=list(hypothesis.axes),
@@ -273,6 +273,7 @@ def _claim(hypothesis: Hypothesis, lift: Lift, found: Sequence[Hypothesis]) -> C
         p_value=hypothesis.adjusted,
         scope="such worlds" if hypothesis.is_of_such_worlds else "these worlds only",
         alike=list(_alike(hypothesis, found)),
+        failed_otherwise=others,
     )
 
 

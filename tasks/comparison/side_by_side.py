@@ -104,12 +104,22 @@ def requirements_beside(pair: Pair, asked: tuple[Asked, Asked] | None = None) ->
             Without it, requirements of the same kind and limit are taken for the same.
 
     Returns:
-        One entry for each requirement of either job, in the order of the first job and then of the second.
+        One entry for each requirement of either job, in the order of the first job and then of the second; those that
+        count in neither come last.
     """
     before, after = ({item.name: item for item in job.requirements} for job in (pair.before, pair.after))
-    return [
-        _compared(name, before.get(name), after.get(name), pair, asked) for name in dict.fromkeys([*before, *after])
-    ]
+    names = dict.fromkeys([*before, *after])
+    sides = {name: [item for item in (before.get(name), after.get(name)) if item is not None] for name in names}
+    last = sorted(names, key=lambda name: all(_is_aside(item, pair) for item in sides[name]))
+    return [_compared(name, before.get(name), after.get(name), pair, asked) for name in last]
+
+
+def _has_trials(pair: Pair) -> bool:
+    return any(item.name == TRIALS for job in (pair.before, pair.after) for item in job.requirements)
+
+
+def _is_aside(item: Requirement, pair: Pair) -> bool:
+    return item.is_aside(of_trials=_has_trials(pair))
 
 
 def _is_world(job: JobRecord, axis: str) -> bool:
@@ -146,7 +156,8 @@ def _rank(pair: Pair) -> int:
     if before is not after:
         return 0 if after.is_failure and not before.is_failure else 1
     met, now = (
-        {item.name: (item.satisfied, _count_of(item)) for item in job.requirements} for job in (pair.before, pair.after)
+        {item.name: item.satisfied for item in job.requirements if not _is_aside(item, pair)}
+        for job in (pair.before, pair.after)
     )
     return 2 if met != now else 3
 
@@ -154,10 +165,25 @@ def _rank(pair: Pair) -> int:
 def _compared(
     name: str, before: Requirement | None, after: Requirement | None, pair: Pair, asked: tuple[Asked, Asked] | None
 ) -> RequirementBeside:
+    if (aside := _turn_aside(before, after, pair)) is not None:
+        return RequirementBeside(name=name, before=before, after=after, turn=aside[0], why=aside[1])
     turn, why = _turn(before, after, pair)
     if before is not None and after is not None and not _asks_for_the_same(before, after, pair, asked):
         turn, why = "not comparable", "the two jobs are asked for something else"
     return RequirementBeside(name=name, before=before, after=after, turn=turn, why=why)
+
+
+def _turn_aside(
+    before: Requirement | None, after: Requirement | None, pair: Pair
+) -> tuple[RequirementTurn, str] | None:
+    """Returns that a requirement does not count in a job, so that it is neither better nor worse; `None`: it counts."""
+    aside = [item is not None and _is_aside(item, pair) for item in (before, after)]
+    if not any(aside):
+        return None
+    there = [is_aside for is_aside, item in zip(aside, (before, after), strict=True) if item is not None]
+    if all(there):
+        return "unchanged", "it does not count"
+    return "not comparable", f"it does not count in {'A' if aside[0] else 'B'}"
 
 
 def _turn(before: Requirement | None, after: Requirement | None, pair: Pair) -> tuple[RequirementTurn, str]:
@@ -167,7 +193,7 @@ def _turn(before: Requirement | None, after: Requirement | None, pair: Pair) -> 
     for letter, item in (("A", before), ("B", after)):
         if item.error is not None:
             return "not comparable", f"it broke in {letter}"
-    if any(item.name == TRIALS for job in (pair.before, pair.after) for item in job.requirements):
+    if _has_trials(pair):
         return _turn_of_trials(before, after)
     if before.satisfied != after.satisfied:
         return ("better", "newly met") if after.satisfied else ("worse", "newly missed")

@@ -129,9 +129,10 @@ def _is_error(job: JobCase) -> bool:
 def _lines(job: JobCase, pages: ConsolePages) -> Iterator[str]:
     """Yields the facts about a job for people, one per line."""
     yield from (f"{name}: {value}" for name, value in _facts(job, pages))
+    of_trials = any(item.name == "trials" for item in job.requirements)
     for item in job.requirements:
         word = "ERROR" if item.error is not None else "PASS" if item.satisfied else "FAIL"
-        yield f"{word if item.counts else 'does not count'}: {item.name}: {item.detail}"
+        yield f"{'does not count' if item.is_aside(of_trials=of_trials) else word}: {item.name}: {item.detail}"
     yield from job.remarks
     yield from (f"{name}: {value:g}" for name, value in sorted(job.metrics.items()))
 

@@ -4,6 +4,7 @@ import base64
 import hashlib
 import os
 import sys
+import re
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import cache
@@ -14,7 +15,7 @@ from pickle import UnpicklingError
 
 import jinja2
 from jinja2.bccache import Bucket
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from ...schemas.reports.history import History
 from ...schemas.reports.report import Report
@@ -199,6 +200,11 @@ class _CompiledTemplates(jinja2.FileSystemBytecodeCache):
                 super().dump_bytecode(bucket)
 
 
+def _coded(text: str) -> Markup:
+    """Escapes a text for HTML, with what stands between backticks as code."""
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))  # noqa: S704 - it is escaped
+
+
 def page_environment(*folders: Path) -> jinja2.Environment:
     """Makes a Jinja environment with autoescaping and the templates and filters of reports.
 
@@ -221,6 +227,7 @@ def page_environment(*folders: Path) -> jinja2.Environment:
         number=outcomes.number,
         plain=outcomes.plain,
         compact=outcomes.compact,
+        coded=_coded,
         axes=axes_in_words,
         moment=outcomes.moment,
         minute=outcomes.minute,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from ...schemas.reports.report import AxisResult, Report, ReportedFile, ReportedJob, ReportSummary, Share
-from ...schemas.runs.plan import RunResult
+from ...schemas.runs.plan import Requirement, RunResult
 from ...schemas.runs.programs import WAITS_FOR
 from ..results.table import ResultTable
 from . import outcomes
@@ -19,6 +19,15 @@ from .pictures import Picture, PictureError, budget_for_each, embed_picture
 from .summaries import folder_of, summarize, why_broken
 from .worlds import TrialsView, WorldView, view_trials, view_worlds
 
+_COLUMNS = (
+    ("distance_m", "Distance", 1, "m"),
+    ("sim_time_s", "Simulated", 1, "s"),
+    ("real_time_factor", "Real-time factor", 1, "×"),
+    ("collisions", "Collisions", 0, ""),
+    ("max_force_N", "Largest force", 0, "N"),
+    ("wall_time_s", "Wall time", 1, "s"),
+)
+"""Columns of the table of jobs: member of `Numbers`, title, digits and unit."""
 _KNOWN_METRICS = frozenset({"distance_m", "collisions", "max_force_N", "sim_time_s", "wall_time_s", "real_time_factor"})
 
 
@@ -93,6 +102,13 @@ class JobView:
         """The job's result, if it has one."""
         return self.job.result
 
+    @property
+    def requirements(self) -> list[tuple[Requirement, bool]]:
+        """The job's requirements, and whether each counts for nothing: those that are not met first, such ones last."""
+        found = self.job.result.requirements if self.job.result is not None else []
+        marked = [(item, item.is_aside(of_trials=self.trials is not None)) for item in found]
+        return sorted(marked, key=lambda each: (each[1], each[0].satisfied))
+
 
 @dataclass(frozen=True)
 class Page:
@@ -107,6 +123,11 @@ class Page:
     jobs: list[JobView]
     worlds: list[WorldView]
     why: WhyView | None
+
+    @property
+    def columns(self) -> list[tuple[str, str, int, str]]:
+        """Columns of numbers of the table of jobs, without those that no job has a number in."""
+        return [each for each in _COLUMNS if any(getattr(job.numbers, each[0]) is not None for job in self.jobs)]
 
     @property
     def anchors(self) -> dict[str, str]:

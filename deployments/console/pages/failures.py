@@ -11,6 +11,7 @@ from starlette.responses import Response
 from ....schemas.documents.simulation_jobs import JobInBrief
 from ....schemas.reports.run_record import JobRecord, RunRecord
 from ....tasks.catalog import Resource
+from ....tasks.comparison.compared_runs import TRIALS
 from ..job_states import JOB, JobLine, job_line, named_in_run
 from ..rendering import HOME
 from ..runs import record_of
@@ -107,11 +108,17 @@ def reason_of(line: JobLine, job: Resource, record: JobRecord | None) -> str:
     brief = JobInBrief.of(job)
     if job.status == "Failed":
         return brief.failure_code or line.reason or job.status
-    if record is not None:
-        names = [item.name for item in record.requirements if item.counts and not item.satisfied]
-    else:
-        names = _MISSED.findall(brief.verdict_reason or "")
+    names = _missed(record) if record is not None else _MISSED.findall(brief.verdict_reason or "")
     return ", ".join(dict.fromkeys(name.replace("_", " ") for name in names)) or line.reason or line.look.value
+
+
+def _missed(record: JobRecord) -> list[str]:
+    """Returns the names of the missed requirements; of a job with trials those that its failing trials missed."""
+    missed = [item for item in record.requirements if not item.satisfied]
+    if any(item.name == TRIALS for item in missed):
+        in_trials = [item.name for item in missed if item.name != TRIALS and not item.is_aside(of_trials=True)]
+        return in_trials or [TRIALS]
+    return [item.name for item in missed if item.counts]
 
 
 def show_all(visit: Visit) -> Response:

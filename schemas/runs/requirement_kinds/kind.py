@@ -40,6 +40,8 @@ ROUNDING_S = 1e-6
 """Tolerance in seconds within which times are equal, as sums of time steps have rounding errors."""
 STOP = "Whether the run ends as soon as it is violated"
 STOP_OR_REACHED = f"{STOP}, or once all goals that say so are reached; the verdict stands then."
+COUNTS_IN_NO_TRIAL = "counts in no trial; "
+"""Beginning of the detail of a requirement of a job with trials that counted in none: goals ended each before it."""
 _MAX_TEXT = 300
 """Maximum number of characters of an error or a reason in results."""
 
@@ -69,6 +71,16 @@ class Requirement(Model):
     first_violation_s: float | None = optional("Simulated time at which it was first found violated; absent: never.")
     room: str | None = optional("Room that the robot was in then; absent: in none, or it is not known.")
     other: str | None = optional("Thing that the robot touched then, or was too near to; absent: it is about none.")
+
+    def is_aside(self, *, of_trials: bool) -> bool:
+        """Returns whether nothing depends on the requirement: it is switched off, or does not count.
+
+        Args:
+            of_trials: Whether it is an entry of a job with trials, of which only `trials` counts in the job and all
+                others count in their trials, unless they are off or their detail says that they count in none.
+        """
+        counts = not self.detail.startswith(COUNTS_IN_NO_TRIAL) if of_trials else self.counts
+        return self.error is None and (self.kind == "off" or not counts)
 
 
 class RequirementError(LaunchError):

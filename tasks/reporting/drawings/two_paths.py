@@ -19,6 +19,9 @@ _NEAR = 46.0
 
 _LABEL_WIDTH, _LABEL_HEIGHT = 80.0, 24.0
 """Units that `A end` takes, on narrow pages too: nearer labels cover each other, so that one goes below its mark."""
+_START_LABEL_Y = -17.0
+_END_LABEL_YS = (-19.0, 33.0, 58.0, -44.0, 83.0)
+"""Places of the label of an end below the middle of its mark, the best first, a label's height apart."""
 
 _SPACING = 12.0
 """Units of the drawing between two points of a path that names of rooms keep clear of: half a letter."""
@@ -133,7 +136,7 @@ def _marks(ways: Sequence[Way], frame: Frame) -> Markup:
     """Draws starts, ends and first misses; at last the robots' places, which a script moves."""
     starts: list[Point] = []
     marks: list[Markup] = []
-    ends: list[Point] = []
+    labels: list[Point] = []
     robots = []
     for way in ways:
         path = way.path
@@ -141,24 +144,33 @@ def _marks(ways: Sequence[Way], frame: Frame) -> Markup:
             continue
         start, end = (frame.at(path[index][1:]) for index in (0, -1))
         if all(math.dist(start, other) > _NEAR / 2 for other in starts):
-            marks.append(_mark(start, "start", element("circle", r=11), "start", -17))
+            marks.append(_mark(start, "start", element("circle", r=11), "start", _START_LABEL_Y))
+            labels.append((start[0], start[1] + _START_LABEL_Y))
         starts.append(start)
-        below = any(abs(end[0] - other[0]) < _LABEL_WIDTH and abs(end[1] - other[1]) < _LABEL_HEIGHT for other in ends)
-        ends.append(end)
-        marks.append(_end(end, way.letter, below))
+        label_y = _free_label_y(end, labels)
+        labels.append((end[0], end[1] + label_y))
+        marks.append(_end(end, way.letter, label_y))
         if way.missed is not None and (place := place_at(path, way.missed.time_s)) is not None:
             marks.append(_miss(frame.at(place), way.letter, way.missed))
         robots.append(_robot(start, way.letter))
     return group([*marks, *robots], class_="marks")
 
 
+def _free_label_y(at: Point, labels: Sequence[Point]) -> float:
+    """Returns where the label of an end stands, above or below its mark, so that it covers no other label."""
+    for y in _END_LABEL_YS:
+        if all(abs(at[0] - x) >= _LABEL_WIDTH or abs(at[1] + y - other_y) >= _LABEL_HEIGHT for x, other_y in labels):
+            return y
+    return _END_LABEL_YS[-1]
+
+
 def _mark(at: Point, kind: str, shape: Markup, text: str, y: float) -> Markup:
     return element("g", shape, element("text", text, y=y), class_=kind, transform=_moved(at))
 
 
-def _end(at: Point, letter: str, below: bool) -> Markup:
+def _end(at: Point, letter: str, label_y: float) -> Markup:
     shape = element("rect", x=-11, y=-11, width=22, height=22, rx=3)
-    return _mark(at, f"end-of side-{letter.lower()}", shape, f"{letter} end", 33 if below else -19)
+    return _mark(at, f"end-of side-{letter.lower()}", shape, f"{letter} end", label_y)
 
 
 def _miss(at: Point, letter: str, missed: Miss) -> Markup:

@@ -155,14 +155,15 @@ class PairPainter:
         """
         before, after = (self._side(letter, job, drive) for letter, job, drive in zip("AB", jobs, drives, strict=True))
         drawing, note = self._plan(jobs, drives, title)
+        of_trials = any(_has_trials(job) for job in jobs)
         return PairView(
             anchor=f"pair-{number}",
             title=title,
             before=before,
             after=after,
             has_changed=before.outcome is not after.outcome and not before.not_run and not after.not_run,
-            rows=[RowView(row, _outcome_of(row.before), _outcome_of(row.after)) for row in rows],
-            of_trials=any(_has_trials(job) for job in jobs),
+            rows=[RowView(row, *(_outcome_of(each, of_trials) for each in (row.before, row.after))) for row in rows],
+            of_trials=of_trials,
             plan=drawing,
             note=note,
             end_s=max((_end_of(drive.result) for drive in drives), default=0.0) if drawing or before.film or after.film
@@ -326,11 +327,13 @@ def _first_miss_in_words(job: JobRecord, outcome: Outcome) -> str:
     return f"first missed {item.name.replace('_', ' ')} at {time_s:.1f} s{place}"
 
 
-def _outcome_of(item: Requirement | None) -> tuple[str, str]:
+def _outcome_of(item: Requirement | None, of_trials: bool) -> tuple[str, str]:
     if item is None:
         return "unjudged", "not in its result"
     if item.error is not None:
         return "broken", "broke"
+    if item.is_aside(of_trials=of_trials):
+        return "unjudged", "does not count"
     return ("passed", "met") if item.satisfied else ("failed", "missed")
 
 

@@ -305,14 +305,7 @@ def _without(report: EnvironmentReport, replaced: Set[str], off: Set[str]) -> tu
 
 
 def _summary(report: EnvironmentReport, added: Sequence[Requirement], reached: bool, sim_time_s: float) -> str:
-    """Returns the run's summary: the environment's sentence, and the job's requirements that are off or not met.
-
-    Args:
-        report: Result of the environment.
-        added: Requirements of the job.
-        reached: Whether the run ended because all goals were reached; then only that is said.
-        sim_time_s: Simulated time at the end, in seconds.
-    """
+    """Makes the run's summary: the job's requirements that are not met, and the environment's sentence."""
     if reached:
         return f"Ended at {sim_time_s:.1f} s with all goals reached."
     missed = {item.name for item in report.requirements if not item.satisfied}
@@ -320,10 +313,10 @@ def _summary(report: EnvironmentReport, added: Sequence[Requirement], reached: b
     off = [item.name for item in added if not item.counts and item.name in missed]
     instead = [item.name for item in added if item.counts and item.satisfied and item.name in missed]
     parts = (
+        f"Not met: {'; '.join(broken)}." if broken else "",
         report.summary,
         f"The job has switched {', '.join(off)} off." if off else "",
         f"The job's own {', '.join(instead)} counts instead." if instead else "",
-        f"Not met: {'; '.join(broken)}." if broken else "",
     )
     return " ".join(part for part in parts if part)
 

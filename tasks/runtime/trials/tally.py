@@ -9,6 +9,7 @@ from typing import TypeVar
 
 from ....schemas.runs.axis_kinds.kind import Value
 from ....schemas.runs.plan import Requirement, RunResult, Verdict
+from ....schemas.runs.requirement_kinds.kind import COUNTS_IN_NO_TRIAL
 from ....schemas.runs.trial_rows import (
     MAX_CELLS,
     MAX_FAILING,
@@ -239,6 +240,7 @@ class _RequirementCount:
     """Count of the trials that met one requirement, with the worst of them."""
 
     trials: int = 0
+    counted: int = 0
     met: int = 0
     kind: str | None = None
     worst: Requirement | None = field(default=None)
@@ -246,6 +248,7 @@ class _RequirementCount:
 
     def take(self, requirement: Requirement) -> None:
         self.trials += 1
+        self.counted += requirement.counts
         self.met += requirement.satisfied
         self.kind = requirement.kind
         if requirement.margin is not None and (
@@ -260,11 +263,12 @@ class _RequirementCount:
         """
         told = {"value", "limit", "unit", "margin"}
         worst = {} if self.worst is None else self.worst.model_dump(include=told)
+        aside = OFF_BY_JOB if self.kind == "off" else "" if self.counted else COUNTS_IN_NO_TRIAL
         return Requirement(
             name=name,
             kind=self.kind,
             satisfied=self.met == self.trials,
-            detail=f"{OFF_BY_JOB if self.kind == 'off' else ''}met in {self.met} of {_trials(self.trials)}",
+            detail=f"{aside}met in {self.met} of {_trials(self.trials)}",
             counts=False,
             **worst,
         )

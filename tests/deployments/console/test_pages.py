@@ -49,6 +49,17 @@ def events(stream: str) -> list[tuple[str, object]]:
     return [(name.removeprefix("event: "), json.loads(data.removeprefix("data: "))) for name, data in found]
 
 
+def test_a_jobs_axes_are_shown_as_they_were_written(browser: Any, store_job: StoreJob) -> None:
+    job = store_job(verdict="PASS", tags={"robomaker:axis:stop": "=30.5", "team": "red"})
+    for path in (f"/console/jobs/{job}", "/console/jobs"):
+        page = browser.get(path).text
+        assert re.findall(r'<a class="tag" href="([^"]*)">([^<]*)</a>', page) == [
+            ("/console/jobs?tag=robomaker%3Aaxis%3Astop%3D%3D30.5", "stop = 0.5"),
+            ("/console/jobs?tag=team%3Dred", "team=red"),
+        ]
+    assert job in browser.get("/console/jobs?tag=robomaker%3Aaxis%3Astop%3D%3D30.5").text
+
+
 def test_the_first_page_shows_what_runs_and_what_failed(
     browser: Any, store_job: StoreJob, store_batch: StoreBatch
 ) -> None:

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.deployments.cli.planning import jobs_of_axes, planned
-from prefect_robomaker.schemas.runs.axes import AXIS_TAG, cell_in_tags, tag_value
+from prefect_robomaker.schemas.runs.axes import AXIS_TAG, cell_in_tags, tag_in_words, tag_value
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.specs.resolving import resolve_input
 from prefect_robomaker.schemas.specs.specification import with_seed
@@ -105,6 +105,13 @@ def test_no_cell_is_missing_and_each_has_the_same_seeds(axes: dict[str, list[Any
         [each["seed"] for each, at in zip(made, cells, strict=True) if at == cell] == expected for cell in wanted
     )
     assert len(made) == len(wanted) * seeds == jobs_of_axes(load_spec(text, "axes.yaml"))
+
+
+@pytest.mark.parametrize(
+    ("value", "said"), [("0.5", "stop = 0.5"), (0.5, "stop = 0.5"), ("a, b", "stop = a, b"), ("", "stop = ")]
+)
+def test_an_axis_in_tags_reads_as_it_was_written(value: str | float, said: str) -> None:
+    assert tag_in_words(f"{AXIS_TAG}stop", tag_value(value)) == said
 
 
 @given(st.text(max_size=20) | st.floats(allow_nan=False, allow_infinity=False) | st.integers(-(10**9), 10**9))

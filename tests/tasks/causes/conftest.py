@@ -24,6 +24,7 @@ def table_of(rows: Sequence[Row]) -> ResultTable:
         "output",
         "trial",
         "seed",
+        "sim_time_s",
         "verdict",
         "state_digest",
         "requirements",
@@ -40,7 +41,8 @@ def table_of(rows: Sequence[Row]) -> ResultTable:
         own = {
             "step": "drive", "test": f"world-{world}", "job": job, "world": f"content-{world}",
             "world_name": f"world-{world}", "outcome": outcome, "output": row.get("output"), "trial": trial,
-            "seed": row.get("seed", number), "verdict": "FAIL" if outcome == "failed" else "PASS",
+            "seed": row.get("seed", number), "sim_time_s": row.get("end_s"),
+            "verdict": "FAIL" if outcome == "failed" else "PASS",
             "state_digest": row.get("state_digest"), "requirements": json.dumps(asked),
             "requirement.polite": outcome != "failed", "margin.polite": margin,
         }  # fmt: skip

@@ -63,6 +63,43 @@ def test_a_requirement_is_better_or_worse_only_where_both_were_judged(
     assert (row.turn, row.why) == (turn, why)
 
 
+OFF = {"kind": "off", "counts": False, "margin": None, "limit": None}
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "turn", "why"),
+    [
+        (item(False, **OFF), item(False, **OFF), "unchanged", "it does not count"),
+        (item(False, **OFF), item(**OFF), "unchanged", "it does not count"),
+        (item(False, **OFF), item(), "not comparable", "it does not count in A"),
+        (item(), item(False, counts=False), "not comparable", "it does not count in B"),
+        (item(False, **OFF), None, "unchanged", "it does not count"),
+    ],
+)
+@pytest.mark.parametrize("of_trials", [False, True])
+def test_what_is_off_is_neither_better_nor_worse_and_comes_last(
+    before: Requirement, after: Requirement | None, turn: str, why: str, of_trials: bool
+) -> None:
+    told = Requirement(name="trials", satisfied=False, detail="4 of 8 trials did not pass")
+    soft = item(name="soft", counts=not of_trials)
+    pair = Pair(
+        *(
+            each.model_copy(update={"requirements": [first, soft, *([told] if of_trials else [])]})
+            if first
+            else each.model_copy(update={"requirements": [soft]})
+            for each, first in zip((make_job(0, "F"), make_job(0, "F", night=1)), (before, after), strict=True)
+        )
+    )
+    rows = requirements_beside(pair)
+    if of_trials and (before.kind, after and after.kind) == ("no_collision", "no_collision"):
+        assert rows[0].name == "gentle", "of trials no single requirement counts in the job"
+        return
+    [row] = [each for each in rows if each.name == "gentle"]
+    assert (row.turn, row.why) == (turn, why)
+    if turn == "unchanged":
+        assert rows[-1].name == "gentle"
+
+
 @pytest.mark.parametrize(
     ("before", "after", "turn", "why"),
     [

@@ -1,5 +1,6 @@
 """Trials in reports: the pass rate with its interval, the failing ones, and how large a page becomes."""
 
+import re
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -59,6 +60,37 @@ def test_a_card_shows_the_pass_rate_and_the_failing_trials(tmp_path: Path) -> No
     share = suite.jobs[0].trials
     assert share is not None
     assert (share.passed, share.failed, share.low, share.high) == (90, 10, low, high)
+
+
+def test_a_card_of_trials_sets_aside_only_what_is_off() -> None:
+    trials = trials_of_variables(2, {"SPEED": ["0.2", "0.4"]})
+    tally = Tally(trials)
+    off = Requirement(name="rooms", kind="off", satisfied=False, detail="off: 1 of 2", counts=False)
+    early = Requirement(name="visits", satisfied=False, detail="the goals ended the run", counts=False)
+    own = Requirement(name="gentle", kind="no_collision", satisfied=True, detail="0 N")
+    for number in range(4):
+        asked = [off, early, own.model_copy(update={"satisfied": number > 0})]
+        tally.take(TrialRow(trial=number, seed=number, verdict="FAIL" if not number else "PASS", requirements=asked))
+    page = render_report(report(tally.result("environment", 7, {}, [])))
+    listed = re.findall(r'<li class="([a-z ]+)">.*?<strong>([^<]*)</strong> (.*?)</span></li>', page)
+    assert [
+        (key, name, "does not count" in text) for key, name, text in listed if name in ("gentle", "rooms", "visits")
+    ] == [
+        ("failed", "gentle", False),
+        ("unjudged aside", "rooms", True),
+        ("unjudged aside", "visits", True),
+    ]
+
+
+def test_columns_in_which_no_job_has_a_number_are_left_out_and_cards_of_trials_are_stacked() -> None:
+    made = result(trials_of_variables(2, {"SPEED": ["0.2", "0.4"]}), 10)
+    page = render_report(report(made, made))
+    table = page.partition('id="table"')[2].partition("</table>")[0]
+    heads = re.findall(r'<th scope="col"[^>]*>([^<]*?) ?(?:<span|</th>)', table)
+    assert "Wall time" in heads
+    assert not {"Rooms visited", "Collisions", "Largest force"} & set(heads)
+    assert {table.count(f'data-label="{each}"') for each in heads[1:]} == {2}, "one cell of each job under each head"
+    assert page.count(" bare of-trials") == 2
 
 
 def test_a_card_has_a_rate_for_each_part_of_each_axis() -> None:

@@ -240,3 +240,16 @@ def simulation(digest: str) -> UsedApplication:
 def robot(digest: str) -> UsedApplication:
     """A robot application of some content."""
     return UsedApplication(role="robot", name="arena", digest=digest)
+
+
+def test_changed_requirements_are_a_list_and_what_stands_in_backticks_is_code(browser: Any, service: Service) -> None:
+    runs = service.settings.home / "runs"
+    records = [make_night([make_job(0, letter, night=night)], night, runs=runs) for night, letter in enumerate("PF")]
+    for record in records:
+        store_night(record)
+    page = browser.get(f"/console/compare?before={records[0].run_id}&after={records[1].run_id}").text
+    [listed] = re.findall(r'<ul class="told-changes">(.*?)</section>', page, re.DOTALL)
+    assert "<code>robomaker flaky</code> tells" in listed
+    assert "`" not in listed
+    last = browser.get(f"/console/runs/{records[1].run_id}").text.partition('id="since-title"')[2]
+    assert "<code>robomaker flaky</code> tells" in last

@@ -44,6 +44,7 @@ def test_failures_are_grouped_by_what_was_missed(browser: Any, store_job: Callab
     [address] = re.findall(r'href="(/console/failures\?[^"]*)"', page)
     every = browser.get(address.replace("&amp;", "&")).text
     assert len(set(re.findall(r'href="/console/jobs/(sim-\w+)"', every))) == 3
+    assert "·" not in "".join(re.findall(r'class="links">(.*?)</li>', page)), "a dot could begin a line"
     assert sorted(rows(browser.get("/console/failures").text)) == sorted(rows(page))
 
 
@@ -64,6 +65,31 @@ def test_known_failures_stand_apart(browser: Any, service: Service, store_job: C
     assert rows(apart.partition("</section>")[0]) == [("gentle", 1)]
     assert KNOWN in apart
     assert "badge failed" not in apart.partition("</section>")[0]
+
+
+def test_a_job_with_trials_is_grouped_by_what_its_trials_missed(
+    browser: Any, service: Service, store_job: Callable[..., str]
+) -> None:
+    run_id = make_night("F").run_id
+    ids = [store_job(verdict="FAIL", verdict_reason="trials: 3 of 8 did not pass", spec_run=run_id) for _ in range(3)]
+    told = Requirement(name="trials", satisfied=False, detail="3 of 8 trials did not pass")
+    counts = {"counts": False, "detail": "met in 5 of 8 trials"}
+    off = Requirement(name="rooms", kind="off", satisfied=False, **counts)
+    missed = [
+        [
+            Requirement(name=name, kind="no_collision", satisfied=name not in wrong, **counts)
+            for name in ("soft", "quick")
+        ]
+        for wrong in (["soft"], ["soft", "quick"], [])
+    ]
+    jobs = [
+        make_job(index, "F").model_copy(
+            update={"label": each, "arn": service.arn("simulation-job", each), "requirements": [told, off, *own]}
+        )
+        for index, (each, own) in enumerate(zip(ids, missed, strict=True))
+    ]
+    store_night(make_night(jobs, runs=service.settings.home / "runs"))
+    assert sorted(rows(browser.get("/console").text)) == [("soft", 1), ("soft, quick", 1), ("trials", 1)]
 
 
 def test_jobs_have_the_names_that_their_run_gave_them(

@@ -11,6 +11,7 @@ from helpers.deployed_robots import Yard, bad, deployable, good
 from helpers.endpoint_here import ServeHere
 from helpers.night_records import make_job, make_night, store_night
 
+from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
 from prefect_robomaker.tasks.service.service import Service
 
 pytestmark = [pytest.mark.deep, NEEDS_BROWSER, pytest.mark.timeout(1200)]
@@ -64,6 +65,46 @@ def test_pages_keep_the_rules(serve_here: ServeHere, paths: list[str], tab: Page
             script = "axe.run().then((found) => found.violations.map((each) => `${each.id}: ${each.nodes[0].html}`))"
             assert tab.evaluate(script) == [], (path, scheme)
     assert tab.complaints == []
+
+
+LONG = "indoor-navigation-through-every-room-with-two-robots-nightly"
+
+
+def test_pages_fit_a_telephone_where_names_are_long(serve_here: ServeHere, service: Service, tab: Page) -> None:
+    runs = service.settings.home / "runs"
+    document = SimulationJobDocument(
+        request={}, seed=3, verdict="FAIL", verdict_reason=f"{'quick-' * 9}s: 9 s, 1 s asked"
+    )
+    tags = {"robomaker:axis:STOP_DISTANCE_BEFORE_WALLS_M": "=30.5", "team": "n" * 60}
+    job = service.store_job("simulation-job", "sim", document, tags=tags, token=None, status="Completed").id
+    named: list[str] = []
+    for night in range(2):
+        jobs = [make_job(index, letter, night=night) for index, letter in enumerate("PF" if night else "PP")]
+        made = make_night(jobs, night, runs=runs)
+        run_id = f"{LONG}-{made.run_id.rpartition('-')[2]}"
+        night_record = made.model_copy(
+            update={
+                "name": LONG,
+                "run_id": run_id,
+                "run_dir": runs / run_id,
+                "report_path": runs / run_id / "report.html",
+            }
+        )
+        store_night(night_record)
+        named.append(run_id)
+    pages = [
+        *("", "/failures", "/runs", "/jobs", "/batches", "/worlds", "/runs/new"),
+        f"/jobs/{job}", f"/search?q={'a' * 200}",
+        *(f"/runs/{each}" for each in named),
+        f"/compare?before={named[0]}&after={named[1]}", f"/history/{LONG}",
+    ]  # fmt: skip
+    with serve_here() as served:
+        for path in pages:
+            tab.load(f"{served.url}/console{path}", 400)
+            wide = "[...document.querySelectorAll('main *')].filter((e) => e.getBoundingClientRect().right > 401)"
+            found = tab.evaluate(f"{wide}.map((e) => e.outerHTML.slice(0, 90)).slice(0, 3)")
+            assert tab.evaluate("document.documentElement.scrollWidth") <= 400, (path, found)
+            assert tab.evaluate("document.querySelector('h1').innerText"), path
 
 
 _OVERLAPS = """(() => {

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.browser import NEEDS_BROWSER, browsing
+from helpers.endpoint_here import ServeHere
 
 from prefect_robomaker.schemas.runs.plan import Collision, Requirement, RoomVisit, RunResult
 from prefect_robomaker.tasks.runtime.episode.run_timeline import FilmTimes, LogSeries, MarginSeries, RunTimeline
@@ -85,6 +87,45 @@ def test_a_page_has_poses_marks_margins_and_times_of_lines_and_videos(
     assert [pose[1] for pose in sent["poses"]] == pytest.approx([pose[0] / 10 for pose in sent["poses"]])
     assert all(abs(abs(pose[3]) - 3.1416) < 1e-3 for pose in sent["poses"])
     assert "style=" not in page.partition('id="timeline"')[2].partition("</section>")[0], "the policy allows none"
+
+
+def test_plan_and_video_stand_right_under_the_slider(browser: Any, store_job: Callable[..., str]) -> None:
+    job = store_job(verdict="FAIL", files=outputs(video_mp4=b"film") | {"logs/stdout.log": b"first\ntouch\nlast\n"})
+    page = browser.get(f"/console/jobs/{job}").text
+    parts = (
+        'id="moment"',
+        'class="plan',
+        "<video",
+        'class="moment-list"',
+        'class="margins"',
+        'id="result-title"',
+        'id="log-1"',
+    )
+    assert [page.count(each) for each in parts] == [1] * len(parts)
+    assert sorted(parts, key=page.index) == list(parts)
+
+
+@pytest.mark.deep
+@NEEDS_BROWSER
+@pytest.mark.parametrize(("width", "height"), [(1280, 900), (400, 800)])
+def test_a_jump_to_the_violation_moves_what_is_on_the_first_screen(
+    serve_here: ServeHere, store_job: Callable[..., str], recording: bytes, tmp_path: Path, width: int, height: int
+) -> None:
+    job = store_job(verdict="FAIL", files=outputs(recording_mcap=recording, video_mp4=b"no film"))
+    with serve_here() as served, browsing(tmp_path / "profile") as browser, browser.page() as page:
+        page.load(f"{served.url}/console/jobs/{job}", width)
+        page.wait(lambda page: page.evaluate("document.getElementById('timeline')?.dataset.ready") == "poses", "poses")
+        place = "document.querySelector('.robot-now').getBoundingClientRect()"
+        before = page.evaluate(f"{place}.left")
+        page.evaluate("document.querySelector('.scrub button').click()")
+        assert page.evaluate(f"{place}.left") > before + 5
+        assert page.evaluate(f"scrollY + {place}.bottom") < height
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        if width == 1280:
+            tops = page.evaluate(
+                "['.seen .plan', '.seen video'].map((e) => document.querySelector(e).getBoundingClientRect().top)"
+            )
+            assert abs(tops[0] - tops[1]) < 40, "side by side"
 
 
 def test_what_is_missing_is_said_and_the_rest_is_there(browser: Any, store_job: Callable[..., str]) -> None:

@@ -1,5 +1,6 @@
 """Two paths on one plan: where each robot was, and the marks of both."""
 
+import itertools
 import re
 from typing import Any
 from xml.etree import ElementTree
@@ -76,3 +77,19 @@ def test_the_words_at_both_ends_do_not_cover_each_other(make_result: Any, right:
     [(x, y), (other_x, other_y)] = [(float(x), float(y) + float(down)) for x, y, down in found]
 
     assert abs(x - other_x) >= 55 or abs(y - other_y) >= 20, "a text of 20 units is about 55 wide"
+
+
+def test_words_do_not_cover_each_other_where_robots_hardly_moved(make_result: Any) -> None:
+    ways = [
+        Way(letter, make_result("PASS", 1).model_copy(update={"path": [(0.0, 0.0, 0.0), (9.0, far, 0.0)]}))
+        for letter, far in (("A", 0.01), ("B", 0.02))
+    ]
+    world = [Goal("there", (9.0, 9.0))]
+    drawing = str(draw_bare_paths(ways, world, "two"))
+    found = re.findall(
+        r'transform="translate\(([-\d.]+)[ ,]([-\d.]+)\)"[^>]*>(?:<[^t][^>]*>)*<text y="([-\d.]+)">([^<]*)', drawing
+    )
+    ys = {words: float(y) + float(down) for _, y, down, words in found}
+    assert {"start", "A end", "B end"} <= set(ys)
+    near = sorted(ys[each] for each in ("start", "A end", "B end"))
+    assert min(b - a for a, b in itertools.pairwise(near)) >= 20
