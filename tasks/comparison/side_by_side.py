@@ -156,7 +156,7 @@ def _rank(pair: Pair) -> int:
     if before is not after:
         return 0 if after.is_failure and not before.is_failure else 1
     met, now = (
-        {item.name: item.satisfied for item in job.requirements if not _is_aside(item, pair)}
+        {item.name: (item.satisfied, _count_of(item)) for item in job.requirements if not _is_aside(item, pair)}
         for job in (pair.before, pair.after)
     )
     return 2 if met != now else 3

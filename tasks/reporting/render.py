@@ -3,8 +3,8 @@
 import base64
 import hashlib
 import os
-import sys
 import re
+import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import cache
