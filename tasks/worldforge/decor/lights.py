@@ -9,7 +9,7 @@ from math import hypot
 from ....schemas.worlds.appearance import APPEARANCES, DAY
 from ....schemas.worlds.world import Room, World, bounds
 from ..geometry.parts import Vector, rgb
-from ..interiors.placement import room_rects
+from ..interiors.room_space import room_rects
 from ..materials.materials import surface_finish, surface_name
 from ..ornaments.ornaments import Mesh, Ornament, joined, numbers, sheet, turned
 from .faces import Face, faces

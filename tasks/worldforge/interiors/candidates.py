@@ -8,7 +8,7 @@ from ....schemas.worlds.world import Furniture
 from ..furniture.catalogue import parts_of
 from ..geometry.boxes import Box, Pose, pose_of
 from ..geometry.parts import Style
-from .placement import WALL_GAP_M, RoomSpace, Side
+from .room_space import WALL_GAP_M, RoomSpace, Side
 
 TUCK_M = 0.13
 """Distance that chairs are pushed under their table, in metres."""

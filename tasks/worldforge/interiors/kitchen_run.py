@@ -12,8 +12,8 @@ from ..furniture.usual_furniture import Density, front_of
 from ..geometry.boxes import Pose, footprint
 from ..geometry.parts import Style
 from .candidates import FLUSH_M
-from .placement import WALL_GAP_M, Side
 from .room_furnishing import RoomFurnishing
+from .room_space import WALL_GAP_M, Side
 
 _COUNTERS: dict[Density, tuple[int, int]] = {"Sparse": (1, 1), "Moderate": (2, 3), "Dense": (3, 4)}
 """Least and greatest number of additional kitchen counters by density; sink and corner counters come on top."""

@@ -13,8 +13,8 @@ from ..furniture.usual_furniture import FIRST, KITCHEN_RUN, RULES, Density, Rule
 from ..geometry.boxes import Box, Pose, box_of, footprint, pose_of
 from ..geometry.parts import Style
 from . import candidates
-from .placement import TALL_M, RoomSpace
 from .room_density import COVERAGE_CAP, MOST_PIECES, wished_share
+from .room_space import TALL_M, RoomSpace
 
 NewId = Callable[[str], str]
 """Function that returns a new id for a piece of a furniture kind."""

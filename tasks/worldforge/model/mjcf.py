@@ -39,7 +39,7 @@ from ..doors.door_parts import door_lines
 from ..furniture.catalogue import IMPORTED, styles_of
 from ..furniture.placed_parts import Solid, solids_of
 from ..geometry.parts import Axis
-from ..interiors.placement import room_rects
+from ..interiors.room_space import room_rects
 from ..materials.materials import FLOORS, surface_finish, surface_name
 from ..materials.textures import LAYOUT, SKY, texture_size_m
 from ..ornaments.ornament_shapes import Shapes

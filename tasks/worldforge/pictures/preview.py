@@ -17,7 +17,7 @@ from ..doors.door_parts import cut_door_solids
 from ..furniture.placed_parts import Solid, solids_of, turn
 from ..geometry.boxes import strip
 from ..geometry.parts import Color, Vector, rgb
-from ..interiors.placement import room_rects
+from ..interiors.room_space import room_rects
 from ..materials.materials import surface_name
 from ..materials.textures import sample
 from ..model.mjcf import wall_faces

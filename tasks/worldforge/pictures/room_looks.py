@@ -13,7 +13,7 @@ from ..decor.lights import LAMP_SHADE
 from ..decor.openings import LAID
 from ..geometry.boxes import Box, strip
 from ..geometry.parts import Vector
-from ..interiors.placement import room_rects
+from ..interiors.room_space import room_rects
 from ..materials.materials import surface_name
 from ..materials.textures import sample, texture_size_m
 from .fine_forms import drawn, is_cloth, is_panelled, panel, weave
