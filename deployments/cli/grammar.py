@@ -179,7 +179,7 @@ class CommandParser(Parser):
         _add_debug(self)
 
     def declare(self) -> None:
-        """Imports the command's module and adds its arguments, once."""
+        """Imports the command's module and adds its arguments or its subcommands; a second call does nothing."""
         if self._is_declared:
             return
         self._is_declared = True

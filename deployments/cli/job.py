@@ -76,7 +76,7 @@ def _run_of(arn: str, service: "Service") -> "OpenRun | None":
 
 
 def _finish(run: "OpenRun", settings: Settings) -> None:
-    """Resumes an interrupted run, and reports the result on standard error."""
+    """Carries an interrupted run to its end, and prints on standard error that it begins and how it ended."""
     from ...flows.pipelines import run_spec
     from ...schemas.reports.progress import Note
     from ...tasks.nights.run_orders import ordered_run

@@ -165,7 +165,10 @@ def show(visit: Visit) -> Response:
 
 
 def follow(visit: Visit) -> Response:
-    """Streams changes of a batch's web page to the browser."""
+    """Streams changed parts of a batch's web page to the browser, until the batch has ended or the session expires.
+
+    Raises ResourceNotFoundException if the visitor may see no such batch.
+    """
     batch_id = visit.request.path_params["id"]
     visit.find(BATCH, batch_id, ())
     shown: dict[int, str] = {}

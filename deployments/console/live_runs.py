@@ -71,7 +71,7 @@ _MOST_POINTS = 500
 
 
 def world_of(document: SimulationJobDocument, service: Service) -> WorldView | None:
-    """Returns the drawing of the world that a job drives in; `None` if there is none."""
+    """Returns the drawing of the world that a job drives in; `None` if it has none, or if none can be read or drawn."""
     arn = world_arn(document.request)
     if arn is None:
         return None

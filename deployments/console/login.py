@@ -36,7 +36,7 @@ def ask(request: Request) -> Response:
 
 
 def show_form(context: Context) -> Callable[[Request], Response]:
-    """Makes the web console's login page."""
+    """Makes the handler that shows the console's login page, or redirects a visitor who is logged in."""
 
     def show(request: Request) -> Response:
         to = own_address(request.query_params.get("to", ""))
@@ -48,7 +48,11 @@ def show_form(context: Context) -> Callable[[Request], Response]:
 
 
 def log_in(context: Context) -> Callable[[Request], Awaitable[Response]]:
-    """Makes the handler of the web console's login form, which checks the access key and starts a session."""
+    """Makes the handler of the web console's login form, which checks the access key and starts a session.
+
+    The handler sets the session's cookie and redirects to the page that was asked for. A wrong key gets status 403
+    and too many attempts 429, with the form again and a line in the log. Without sessions it only redirects.
+    """
 
     async def take(request: Request) -> Response:
         try:

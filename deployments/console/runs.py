@@ -46,7 +46,11 @@ def show_all(visit: Visit, going: Mapping[str, Standing]) -> Response:
 
 
 def show(visit: Visit) -> Response:
-    """Web page of one run: changes, batches, and jobs, failures first."""
+    """Web page of one run: changes, batches, and jobs, failures first; of a run that still goes on only its batches.
+
+    Raises ResourceNotFoundException if the visitor may see no such run, ConfigurationError if its record cannot be
+    read.
+    """
     run_id = visit.request.path_params["id"]
     batches = batches_of_run(run_id, visit)
     if batches and not is_known(run_id, visit):
@@ -89,7 +93,10 @@ def since_before(record: RunRecord, visit: Visit) -> SinceLastRun | None:
 
 
 def send_report(visit: Visit) -> Response:
-    """Sends the run's HTML report to the browser, isolated because it contains untrusted output."""
+    """Sends the run's HTML report to the browser, isolated because it contains untrusted output.
+
+    Raises ResourceNotFoundException if the visitor may see no such run, or if the run has no report.
+    """
     path = _path(visit).with_name("report.html")
     if not path.is_file():
         raise ResourceNotFoundException("the run has no report; `robomaker report` writes it")

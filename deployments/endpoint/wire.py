@@ -200,7 +200,10 @@ def error_response(code: str, status: int, message: str) -> WireResponse:
 
 
 def _seconds(value: object) -> float:
-    """Converts a time to seconds since 1970, with milliseconds as AWS sent it."""
+    """Converts a time to seconds since 1970, rounded to milliseconds as AWS sent it.
+
+    Raises TypeError if the value is no `datetime`.
+    """
     if isinstance(value, datetime):
         return round(value.timestamp(), 3)
     raise TypeError(f"{value!r} has no JSON form")

@@ -34,7 +34,11 @@ _logger = logging.getLogger("prefect_robomaker.deployments.cli.ordered_run")
 
 
 def main() -> None:
-    """Entry point of a child process that carries out an ordered run."""
+    """Carries out an ordered run in this process; its lock is the first argument, and its order standard input.
+
+    It lowers its priority, and writes progress and problems into the run's folder if there is a file for them, else
+    into the log. It stops when the run's cancel file appears.
+    """
     lock = int(sys.argv[1])
     os.set_inheritable(lock, False)
     os.nice(NICENESS)

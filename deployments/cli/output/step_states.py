@@ -118,5 +118,5 @@ class Watcher(AbstractContextManager["Watcher"]):
     """Base class of progress displays: listeners that are active inside a `with` block."""
 
     def __call__(self, event: ProgressEvent) -> None:
-        """Handles an event of the run; from any thread."""
+        """Handles an event of the run, from any thread; each subclass shows it in its way."""
         raise NotImplementedError

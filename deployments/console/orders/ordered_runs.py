@@ -67,7 +67,7 @@ def show(visit: Visit) -> Response:
 
 
 def follow(visit: Visit) -> Response:
-    """Streams changes of a run's web page until the run has ended."""
+    """Streams changes of a run's web page to the browser, which reloads the page when the run has ended."""
     run_id = visit.request.path_params["id"]
     _found(visit, run_id)
     parts = Parts()

@@ -111,7 +111,10 @@ def reason_of(line: JobLine, job: Resource, record: JobRecord | None) -> str:
 
 
 def show_all(visit: Visit) -> Response:
-    """Web page with failures by reason, or with all jobs of one group."""
+    """Web page with failures by reason, or with all jobs of the group that the address names.
+
+    A group that is not there any more has no jobs on its page.
+    """
     groups = failure_groups(visit)
     wanted = tuple(visit.parameter(name) for name in ("specification", "reason", "known"))
     one = next((each for each in groups if (each.specification, each.reason, each.known) == wanted), None)

@@ -32,7 +32,10 @@ def show_all(visit: Visit) -> Response:
 
 
 def show(visit: Visit) -> Response:
-    """Web page with the history of one specification."""
+    """Web page with the history of one specification's runs, as far as the visitor may see them.
+
+    Raises ResourceNotFoundException if there is no such run.
+    """
     name, runs = visit.request.path_params["name"], _runs(visit)
     known = sorted(runs.glob(f"{name}-*/run.json")) if is_spec_name(name) else []
     if not known:

@@ -146,7 +146,10 @@ def send_timeline(visit: Visit) -> Response:
 def _poses(
     place: StoredPlace | None, timeline: JobTimeline, files: Mapping[str, int], service: Service
 ) -> RecordedPoses:
-    """Reads the poses of a run: of its recording, else the places of its result, which have no headings."""
+    """Reads the poses of a run from its recording, else from the places of its result, which have no headings.
+
+    The answer says in a sentence why the recording is not used, if it is not.
+    """
     path = [] if timeline.result is None else finite_path(timeline.result)
     missing = "There is no recording."
     name = timeline.folder + _RECORDING
@@ -220,7 +223,10 @@ def _missing(folder: str, result: RunResult | None, recorded: RunTimeline | None
 
 
 def _end_s(result: RunResult | None, recorded: RunTimeline | None) -> float:
-    """Returns the simulated time at the end; of a run that left no result the last one of which anything is known."""
+    """Returns the simulated time in seconds at which a run ended: of its result, or the last one known.
+
+    It is 0 if nothing is known or the time is not finite.
+    """
     if result is not None:
         ends = [result.sim_time_s]
     elif recorded is not None:

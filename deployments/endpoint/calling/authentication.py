@@ -187,7 +187,10 @@ def _parsed(request: ServiceRequest) -> Signature:
 
 
 def _signed_at(request: ServiceRequest) -> datetime:
-    """Returns the time at which a request was signed, from `X-Amz-Date` or else `Date`."""
+    """Returns the time at which a request was signed, from its header `X-Amz-Date` or else `Date`.
+
+    Raises IncompleteSignatureException if it has neither, or one of another form.
+    """
     amazon, plain = request.headers.get("x-amz-date"), request.headers.get("date")
     try:
         if amazon is not None:

@@ -108,7 +108,7 @@ def is_visible(key: AccessKey, resource: Resource, catalog: Catalog) -> bool:
 
 
 def named_resources(request: Any, member: str = "") -> Iterator[str]:
-    """Yields the resources (ARNs, application names) that a request names."""
+    """Yields the resources (ARNs, application names) that a request names at any depth, but not those in free text."""
     if isinstance(request, Mapping):
         for name, value in request.items():
             if name not in _FREE_TEXT:

@@ -46,7 +46,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker gc`: deletes old runs and worlds; exit code 3 if something could not be deleted."""
+    """Runs `robomaker gc`: deletes old runs and worlds, after a question unless `--yes` is given.
+
+    With `--dry-run` it only shows them. Returns exit code 3 if something could not be deleted. Raises
+    ConfigurationError if there is no terminal to ask on.
+    """
     from .....schemas.settings import Settings
 
     policy = _policy(arguments)
