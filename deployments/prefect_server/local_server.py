@@ -119,7 +119,10 @@ def is_own_server(api_url: str, settings: Settings) -> bool:
 
 
 def server_status(settings: Settings, environ: Mapping[str, str] | None = None) -> ServerStatus:
-    """Returns which Prefect server would be used, and whether it answers."""
+    """Returns which Prefect server would be used, and whether it answers, answers not in time (busy), or does not run.
+
+    The server that variables or Prefect's profile name comes before the local one of the data home.
+    """
     if url := configured_api_url(os.environ if environ is None else environ):
         status = ServerStatus(running=False, api_url=url, configured_elsewhere=True)
     else:
@@ -137,7 +140,10 @@ def stop_server(settings: Settings) -> bool:
 
 
 def configured_api_url(environ: Mapping[str, str]) -> str | None:
-    """Returns the Prefect API URL that environment or profile configure, if any."""
+    """Returns the Prefect API URL that the variables or the active Prefect profile configure.
+
+    Returns None if neither names one, or the profiles cannot be read.
+    """
     if url := environ.get("PREFECT_API_URL"):
         return url
     home = Path(environ.get("PREFECT_HOME") or Path.home() / ".prefect")
@@ -203,7 +209,10 @@ def _without_client_variables(environ: Mapping[str, str]) -> dict[str, str]:
 
 
 def _stop(settings: Settings) -> bool:
-    """Ends the process that the state file names; returns whether it was a server."""
+    """Ends the Prefect server that the state file names, by force if it does not end within 15 s; deletes that file.
+
+    Returns False if no such server was running.
+    """
     status = _known_server(settings)
     _state_file(settings).unlink(missing_ok=True)
     if status.pid is None or not _is_alive(status):

@@ -74,7 +74,7 @@ class StandingFile:
         self._is_due = False
 
     def __call__(self, event: ProgressEvent, /) -> None:
-        """Updates the stored state of an ordered run by an event of the run."""
+        """Updates the stored state of an ordered run by an event: a note, a step's start or end, or progress."""
         with self._lock:
             if isinstance(event, Note):
                 self._change(note=event.text)

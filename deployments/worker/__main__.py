@@ -41,7 +41,11 @@ _STATUS_S = 1.0
 
 
 def main() -> None:
-    """Entry point of the job worker's process: runs stored jobs until a signal or message to stop."""
+    """Runs stored jobs in the job worker's process until a signal or message to stop; it ends the process itself.
+
+    It lowers its priority, and tells its state through the inherited channel. The exit code is 0, or 2 if it could
+    not begin.
+    """
     channel = Channel.inherited(int(sys.argv[1]))
     os.nice(NICENESS)
     _log_to_stderr()

@@ -171,7 +171,11 @@ def _until_decided(
 
 
 def _discordant(question: Question, earlier: EarlierPairs | None) -> tuple[float, list[str]]:
-    """Returns the share of differing pairs, and its source."""
+    """Returns the share (0 to 1) of pairs whose verdicts differ, and in words what it is assumed from.
+
+    The share of the question is taken first, then that of earlier runs, else an assumed one. There are no words for a
+    share that the question states.
+    """
     if question.discordant is not None:
         return question.discordant, []
     if earlier is None:

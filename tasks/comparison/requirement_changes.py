@@ -124,7 +124,7 @@ def _together(one: RequirementChange, other: RequirementChange) -> RequirementCh
 def _only_told_when_missed(
     name: str, before: NDArray[np.int8], after: NDArray[np.int8], trials: TrialPairs
 ) -> NDArray[np.bool_]:
-    """Finds trials that newly miss a health requirement, which results contain only if it was missed."""
+    """Returns a mask of trials that newly miss a health requirement, which results contain only if it was missed."""
     appeared = (before < 0) & (after == 0) & (trials.outcomes[0] <= FAILED)
     if appeared.any():
         first = int(trials.after_rows[np.flatnonzero(appeared)[0]])

@@ -41,7 +41,11 @@ if TYPE_CHECKING:
 
 
 def outputs_of(place: StoredPlace | None, service: Service) -> tuple[list[ReportedFile], RunResult | None, bytes, int]:
-    """Reads the outputs of a simulation run: file list, result, poster image, and number of removed files."""
+    """Reads the outputs of a simulation run: file list, result, poster image (PNG), and number of removed files.
+
+    Without outputs, or if they cannot be read, the parts are empty: no file, `None`, no bytes, 0. A run that left no
+    manifest has only its list of files.
+    """
     if place is None:
         return [], None, b"", 0
     bucket, prefix = place.bucket, place.prefix
@@ -108,7 +112,10 @@ def digests_of(jobs: Sequence[JobRecord], service: Service) -> dict[str, str]:
 
 
 def _stored_world(request: Mapping[str, Any], service: Service) -> tuple[Path | None, str, str]:
-    """Returns the description of the world that a request names, the digest of its content, and why there is none."""
+    """Returns the file of the world that a job's request names, the digest of its content, and why it cannot be read.
+
+    The file is `None` and the texts are empty if the request names no world, or one that is not in the catalog.
+    """
     arn = world_arn(request)
     world = service.catalog.get_many([arn]).get(arn) if arn else None
     bundle = WorldDocument.of(world).bundle if world is not None else None
@@ -121,7 +128,7 @@ def _stored_world(request: Mapping[str, Any], service: Service) -> tuple[Path | 
 
 
 def _unfinished(bucket: str, prefix: str, service: Service) -> list[ReportedFile]:
-    """Lists the files of a crashed or killed run, which has no manifest; its logs tell the cause."""
+    """Lists the files of a crashed or killed run, which has no manifest; empty if the object store cannot be read."""
     try:
         return [
             ReportedFile(
@@ -136,7 +143,7 @@ def _unfinished(bucket: str, prefix: str, service: Service) -> list[ReportedFile
 
 
 def judged_without_outputs(document: SimulationJobDocument) -> RunResult:
-    """Makes a result from the verdict in the catalog, for a run whose result file cannot be read."""
+    """Makes a result from the verdict in the catalog, for a run whose result file cannot be read; a note says so."""
     took_s = (document.simulation_time_millis or 0) / 1000
     return RunResult(
         verdict=document.verdict or "NONE",
@@ -160,7 +167,11 @@ def places_of(jobs: Sequence[ReportedJob], service: Service) -> dict[str, Stored
 def write_results(
     jobs: Sequence[JobRecord], places: Mapping[str, StoredPlace], service: Service, folder: Path
 ) -> ResultTable:
-    """Writes the table of a run's results, with all trials of its jobs, to a file."""
+    """Writes the table of a run's results, with all trials of its jobs, into the run's folder, and returns it.
+
+    If results of some jobs are lost by now, the table that was written before is kept and returned, if it can be
+    read.
+    """
     lost = False
 
     def trials_of(job: JobRecord) -> "pa.Table | None":
@@ -369,7 +380,10 @@ def _names(document: SimulationJobDocument | None) -> set[tuple[str, str]]:
 
 
 def _completed(inputs: Sequence[JobInputs | None], asked: Sequence[set[tuple[str, str]]]) -> list[JobInputs | None]:
-    """Adds the applications that jobs request but did not record, if all other jobs used the same ones."""
+    """Adds the applications that jobs request but did not record, if all other jobs used the same ones.
+
+    An application that jobs used in several contents is not added.
+    """
     known: dict[tuple[str, str], set[str]] = {}
     for each in inputs:
         for used in each.applications if each else ():

@@ -85,7 +85,7 @@ def time_in_place_s(ended: Sequence[datetime], at_once: int) -> float:
 
 
 def _job_costs(step: StepRecord, service: Service) -> list[JobCost]:
-    """Returns the costs of a step's jobs, in request order."""
+    """Returns the costs of a step's jobs, in request order, with unused time between jobs; empty for other steps."""
     if not step.arn:
         return []
     if step.operation == JOB:

@@ -144,7 +144,10 @@ def missed_nights(home: Path, name: str) -> list[MissedNight]:
 
 @contextmanager
 def only_one(home: Path) -> Iterator[bool]:
-    """Tries to lock the check for missed nights inside the `with` block; yields whether this process got the lock."""
+    """Tries to lock the check for missed nights within the block; yields whether this process got the lock.
+
+    It does not wait. The folder of the lock is made if it is missing.
+    """
     folder = home / _FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / _LOCK).open("w") as lock:

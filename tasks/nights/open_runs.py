@@ -108,7 +108,11 @@ class OpenRun:
             (self.folder / CANCEL).touch()
 
     def change(self, **members: Any) -> None:
-        """Changes the stored order of the run, atomically."""
+        """Changes members of the stored order of the run, in a file that only this user may read.
+
+        The file is replaced as a whole and written to disk before, so that a loss of power leaves the old or the new
+        one.
+        """
         self.order = self.order.model_copy(update=members)
         part = self.folder / f".{ORDER}.part"
         # The specification may hold secrets.
@@ -163,7 +167,10 @@ def read_order(folder: Path) -> Order | None:
 
 
 def is_going(folder: Path) -> bool:
-    """Whether the process that carries out a run is alive: it holds the lock file in the run's folder."""
+    """Whether the process that carries out a run is alive: it holds the lock file in the run's folder.
+
+    It is false if there is no such file.
+    """
     try:
         with lock_of(folder) as lock:
             fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
