@@ -21,7 +21,10 @@ from .wire.base import Model
 
 
 def _read_day(value: object) -> object:
-    """Reads a day that is written as in ISO 8601; the models take no text for a date by themselves."""
+    """Reads a day that is written as in ISO 8601, or returns a date as it is; the models take no text for a date.
+
+    Raises ValueError for anything else.
+    """
     try:
         return value if isinstance(value, date) else date.fromisoformat(value if isinstance(value, str) else "")
     except ValueError:

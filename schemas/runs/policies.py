@@ -151,7 +151,7 @@ def _given(request: PolicyRequest) -> dict[str, str]:
 
 
 def _driven_otherwise(request: PolicyRequest, where: str) -> Iterator[str]:
-    """Yields launch configurations with which a policy would be ignored, or have no environment to act in."""
+    """Yields problems of launch configurations with which a policy would be ignored or have no environment."""
     for index, config in enumerate(request.robotApplications or ()):
         member = next((member for member in _STARTS if getattr(config.launchConfig, member)), None)
         if member is not None:

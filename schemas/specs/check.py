@@ -156,7 +156,10 @@ def _load_bare(request: MappingNode, operation: Node, text: str, filename: str, 
 def _load_single(
     head: Mapping[str, Node], step: MappingNode, text: str, filename: str, hidden: Location, given: _Given
 ) -> CheckedSpec:
-    """Checks a single step, by putting a pipeline around it that is invisible to the user."""
+    """Checks a single step, by putting a pipeline around it that is invisible to the user; its name is the file's.
+
+    Raises SpecError with all problems.
+    """
     stem = re.sub(r"[^a-zA-Z0-9_\-]+", "-", PurePath(filename).name.split(".")[0]).strip("-_")[:100] or "request"
     name = re.sub(r"\W|^(?=\d)", "_", stem)[:63]
     entries: dict[str, Node] = {
@@ -188,7 +191,10 @@ class _Check:
         self._problems: list[Problem] = []
 
     def run(self) -> CheckedSpec:
-        """Runs all checks of the specification; returns it checked, or raises an error with all problems."""
+        """Runs all checks of the specification and returns it checked, with the notes on it.
+
+        Raises SpecError with all problems, in the order of the file.
+        """
         self._check_document()
         self._settle_parameters()
         sabotages = self._sabotages()
@@ -333,7 +339,7 @@ class _Check:
         )
 
     def _check_needs(self, name: str, node: MappingNode, scope: Mapping[str, Kind]) -> set[str]:
-        """Returns the steps that a step names in its member `needs`."""
+        """Returns the steps that a step names in its member `needs`, and reports those that do not exist."""
         named: Any = plain(node.entries["needs"]) if "needs" in node.entries else ()
         found: set[str] = set()
         for position, each in enumerate(named if is_list(named) else []):

@@ -181,7 +181,7 @@ def _well_formed(axes: object) -> dict[str, StepAxis]:
 
 
 def _built(axes: Mapping[str, StepAxis]) -> tuple[dict[str, CellAxis], list[RequestProblem]]:
-    """The axes as designs know them, and what is wrong with the others."""
+    """Returns the axes of a step as designs know them, and the problems of the others, which are left out."""
     built: dict[str, CellAxis] = {}
     problems = _secrets(axes)
     for name, axis in axes.items():

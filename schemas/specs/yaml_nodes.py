@@ -180,7 +180,10 @@ class _Reader:
         self._count = 0
 
     def document(self) -> Node:
-        """Reads the file's only document, with an error if there are several."""
+        """Reads the file's only document.
+
+        Raises SpecError if the file is empty or has several documents.
+        """
         root: Node | None = None
         for event in self._events:
             if _is_node(event):

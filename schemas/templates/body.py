@@ -145,7 +145,7 @@ Side = Annotated[float, Field(ge=1, le=4)]
 
 
 def _one_of(what: str, values: tuple[str, ...]) -> AfterValidator:
-    """Makes a validator that accepts only `values`, and suggests the nearest one."""
+    """Makes a validator that accepts only `values`, and whose error suggests the nearest one."""
 
     def check(value: str) -> str:
         if value in values:

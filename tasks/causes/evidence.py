@@ -287,7 +287,7 @@ def _violated_at_s(requirement: Mapping[str, Any]) -> float:
 
 
 def _phase(requirements: Sequence[Mapping[str, Any]], missed: Mapping[str, Any]) -> str | None:
-    """Returns the last goal reached before a violation, `after to-kitchen`, or `before` the first; None: no goals."""
+    """Returns the last goal reached before a violation, `after to-kitchen`, or `before` the first; else `None`."""
     goals = [each for each in requirements if each.get("kind") == "goal" and each["name"] != missed["name"]]
     at_s = _violated_at_s(missed)
     reached = [

@@ -112,7 +112,7 @@ class _Ends:
     drawn: Counter[str] = field(default_factory=Counter[str])
 
     def chance(self, held: Held, label: str, new: float = 1.0) -> float:
-        """Returns how probable a label is in the next rerun; `new` is that of a new label, of all new ones."""
+        """Returns the probability (0 to 1) of a label in the next rerun; `new` is the count for all new labels."""
         drawn = (self.drawn[label] or new) / (self.drawn.total() + 1)
         if not self.fixed or not self.holds(held):
             return drawn

@@ -123,7 +123,10 @@ def _tried(observations: Sequence[Observation]) -> list[TriedHold]:
 
 
 def _notes(run: FoundRun, service: Service) -> list[str]:
-    """Says which applications have changed since the run; the reruns have those that it ran with."""
+    """Returns a sentence for each application that has changed since the run; the reruns have the one that it ran with.
+
+    It is empty if the run has no job in the catalog, or the present applications cannot be read.
+    """
     if run.job is None:
         return []
     document = SimulationJobDocument.of(run.job)

@@ -67,7 +67,10 @@ def _commands(trial: Trial) -> list[bytes] | None:
 
 
 def _command_in_words(one: RunOutputs, other: RunOutputs) -> str | None:
-    """Describes the first command in which two runs differ: `at 0.25 s in the commands: 1.0 and 0.1`."""
+    """Describes the first command in which two runs differ: `at 0.25 s in the command wheels: 1.0 and 0.1`.
+
+    Returns None if their commands are equal; both runs must have recorded them.
+    """
     assert one.actions is not None
     assert other.actions is not None
     log = ActionLog(one.actions)

@@ -64,7 +64,7 @@ def forget_console(home: Path) -> None:
 
 
 def _running(home: Path) -> str:
-    """Returns the console URL that `robomaker serve` has stored; empty if no server answers there."""
+    """Returns the console's URL that `robomaker serve` has stored; empty if no server answers there."""
     url = str(_read(home).get("url"))
     try:
         place = urlsplit(url)

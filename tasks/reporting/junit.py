@@ -39,7 +39,7 @@ def junit_xml(summary: ReportSummary) -> bytes:
 
 
 def _end_of_run(summary: ReportSummary) -> ElementTree.Element:
-    """Makes a test suite with one error, for a run that failed for a reason that no job or step has."""
+    """Makes a JUnit test suite with one error, for a run that failed for a reason that no job or step has."""
     name = f"{summary.name}.run"
     error = _told("error", summary.state, f"the run was not carried out as ordered: {summary.state}")
     case = _element("testcase", error, name="end of the run", classname=name, time=_seconds(0.0))

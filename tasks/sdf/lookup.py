@@ -131,7 +131,10 @@ class Lookup:
             yield self._package / inner
 
     def _fuel_folders(self, uri: str) -> Iterator[Path]:
-        """Yields folders in a cache of Fuel for the address of a model, the newest version first."""
+        """Yields folders in the caches of Gazebo Fuel for a model's address, the newest version first.
+
+        They may be missing. There are none for an address that is not one of Fuel.
+        """
         address = urlparse(uri)
         parts = [unquote(part) for part in address.path.split("/") if part]
         parts = parts[1:] if parts and parts[0].replace(".", "").isdecimal() else parts
@@ -192,7 +195,10 @@ def _listed(folder: Path) -> list[Path]:
 
 
 def _described(folder: Path) -> FoundModel | None:
-    """Finds the model file with the newest SDF version that a `model.config` lists."""
+    """Finds the model file with the newest SDF version that a folder's `model.config` lists, else `model.sdf`.
+
+    Returns None if the folder has no model file.
+    """
     config = folder / "model.config"
     named: list[tuple[tuple[int, ...], str]] = []
     if config.is_file():

@@ -179,7 +179,7 @@ def _mappings(node: Any, seen: set[int]) -> Iterator[dict[Any, Any]]:
 
 
 def _yaml_arguments(nodes: Sequence[dict[Any, Any]]) -> list[dict[str, float]]:
-    """Returns the default values of the launch file's own arguments, then the values it gives each file it includes."""
+    """Returns numbers: a launch file's own defaults of arguments, then the values it gives each included file."""
     own: list[tuple[str, float]] = []
     found: list[dict[str, float]] = []
     for node in nodes:

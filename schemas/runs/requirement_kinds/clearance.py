@@ -27,7 +27,7 @@ class ClearanceRule(Rule[ClearanceRequirement]):
     _other = ""
 
     def bind(self, scene: Scene) -> Look:
-        """Connects the rule to a simulation's distance meter."""
+        """Connects the rule to a simulation's distance meter; returns the check that records nearer distances."""
         measure = scene.clearance(self)
 
         def look(time_s: float) -> None:

@@ -167,7 +167,10 @@ class ExpressionRule(Rule[ExpressionRequirement]):
         return math.dist(here, last[1]) / passed_s, math.remainder(yaw - last[2], 360.0) / passed_s
 
     def update(self, time_s: float, values: Mapping[str, float]) -> None:
-        """Records a sample of all signals of the formula."""
+        """Records a sample of all signals of the formula at a simulated time in seconds; fills periods without a look.
+
+        With too many periods the requirement cannot be judged, which is recorded.
+        """
         count = len(next(iter(self.samples.values())))
         # A look that came late is the sample of the next period; the last of a run may come before its time.
         number = max(count, math.ceil(time_s / self.asked.period_s - 1e-6))

@@ -80,7 +80,10 @@ class LocalizationRule(Rule[LocalizationRequirement]):
         self._checks = self._missing = 0
 
     def bind(self, scene: Scene) -> Look:
-        """Connects the rule to a function and the body's pose, or to recorded topics with both poses."""
+        """Connects the rule to a function and the body's pose, or to recorded topics with both poses.
+
+        After an error of the function, or a result that is no pose, the requirement cannot be judged.
+        """
         asked, environment = self.asked, scene.environment
         if asked.attribute is None:
             return self._bind_topics(scene)
@@ -180,7 +183,10 @@ class LocalizationRule(Rule[LocalizationRequirement]):
 
 
 def pose_of(answer: Any) -> Pose | str | None:
-    """Converts the result of a function to a pose; returns a description of a result that is not a pose."""
+    """Converts the result of a robot's function to a pose (m, m, rad or `None`); `None` stays `None`.
+
+    Returns a text that describes the result if it is no pose.
+    """
     if answer is None:
         return None
     try:

@@ -36,7 +36,10 @@ class PredicateRule(Rule[PredicateRequirement]):
         self._violations = self._checks = 0
 
     def bind(self, scene: Scene) -> Look:
-        """Connects the rule to a simulation; errors of the function are errors of the requirement."""
+        """Connects the rule to a function of the simulation; returns the check that calls it.
+
+        After an error of the function, or a wrong result, the requirement cannot be judged.
+        """
         attribute, environment = self.asked.attribute, scene.environment
         function = scene.function(self, attribute)
 

@@ -189,7 +189,11 @@ class PairPainter:
     def _plan(
         self, jobs: tuple[JobRecord, JobRecord], drives: tuple[Drive, Drive], title: str
     ) -> tuple[Markup | None, str]:
-        """Draws both paths on the plan of the world that both drove in; else returns why there is none."""
+        """Draws both paths on the plan of the world that both jobs drove in, and returns the drawing with a remark.
+
+        The drawing is `None`, and the remark says why, if neither has a path or their worlds differ. Without a
+        generated world only the paths are drawn.
+        """
         ways = [
             Way(letter, drive.result, _first_miss(job))
             for letter, job, drive in zip("AB", jobs, drives, strict=True)
@@ -339,7 +343,7 @@ def _outcome_of(item: Requirement | None) -> tuple[str, str]:
 
 
 def _goals(drives: Sequence[Drive]) -> list[Goal]:
-    """Returns the goals of both requests, those that both have once."""
+    """Returns the goals of both jobs' requests, in metres, each once; goals without a place are left out."""
     found: dict[Goal, None] = {}
     for drive in drives:
         for name, asked in drive.asked.items():
