@@ -232,7 +232,7 @@ class KnownRobots:
         self._ids: dict[str, str] = {}
 
     def refresh(self, service: Service) -> None:
-        """Adds newly enrolled robots to the table, and removes those that were deleted or have new tokens."""
+        """Adds newly enrolled robots to the table, expels those that were deleted, and takes over new tokens."""
         found = _enrolled(service)
         for robot in self._by_id.keys() - found.keys():
             self._orders.expel(robot)

@@ -174,7 +174,7 @@ class OrderKeeper:
         self._lock = threading.Lock()
 
     def sync(self, rollouts: Iterable[OpenRollout]) -> None:
-        """Updates the table of orders from the rollouts, those of older jobs first."""
+        """Updates the table of open orders from the rollouts, those of older jobs first."""
         wishes = _Wishes(self._robots)
         for rollout in rollouts:
             wishes.add(rollout)

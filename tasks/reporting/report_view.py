@@ -171,7 +171,7 @@ class Page:
 
     @property
     def times(self) -> str:
-        """Time of the run by activity: `worlds 12 s, waiting 3 s, simulation 80 s, videos 40 s, uploads 5 s`.
+        """Time of the run by activity: `worlds 12 s, simulation 80 s, videos of failures 40 s, uploads 5 s`.
 
         Jobs whose results were taken over from earlier runs do not count; empty if there are no others.
         """

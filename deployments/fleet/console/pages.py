@@ -64,7 +64,10 @@ def show_all(visit: Visit) -> Response:
 
 
 def show(visit: Visit) -> Response:
-    """Web page of one fleet, with its robots and deployments."""
+    """Web page of one fleet, with its robots and newest deployments that the visitor may see.
+
+    Raises ResourceNotFoundException if the visitor may see no such fleet.
+    """
     fleet = visit.find(FLEET, visit.request.path_params["id"])
     standing = fleet_standing(fleet, visit.service)
     jobs = visit.service.catalog.list(DEPLOYMENT, filters={"parent": [fleet.arn]}, limit=_MOST_DEPLOYMENTS)
@@ -102,7 +105,10 @@ def show_deployment(visit: Visit) -> Response:
 
 
 def follow_deployment(visit: Visit) -> Response:
-    """Streams changes of a deployment's web page."""
+    """Streams changes of a deployment's web page until the deployment has ended.
+
+    Raises ResourceNotFoundException if the visitor may see no such deployment.
+    """
     job_id = visit.request.path_params["id"]
     visit.find(DEPLOYMENT, job_id)
     parts = Parts()

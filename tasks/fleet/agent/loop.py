@@ -125,7 +125,7 @@ class Agent:
             self._start_application()
 
     def step(self) -> None:
-        """Does one pass of the agent's main loop."""
+        """Does one pass of the agent's main loop: looks at application and work, and polls or reports what is due."""
         self._look_at_application()
         self._look_at_work()
         self._settle()

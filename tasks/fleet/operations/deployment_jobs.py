@@ -223,7 +223,10 @@ def _config(request: CreateDeploymentJobRequest, service: Service) -> dict[str, 
 
 
 def _with_condition(config: dict[str, Any], service: Service) -> dict[str, Any]:
-    """Returns the deployment configuration with the current ETag of its condition file."""
+    """Returns the deployment configuration with the current ETag of its condition file; unchanged if it has none.
+
+    Raises InvalidParameterException if the file cannot be read, or has another ETag than the request says.
+    """
     file = config.get("downloadConditionFile")
     if file is None:
         return config

@@ -83,7 +83,10 @@ class Application:
         self._version, self._since_s = version, self._monotonic()
 
     def ended(self) -> str | None:
-        """Returns how the application ended by itself (once for each end); `None` if it is running."""
+        """Returns how the application ended by itself (once for each end); `None` if it is running or was reported.
+
+        Processes that it left are killed, and the next start is put off.
+        """
         if self._process is None or (code := self._process.poll()) is None:
             return None
         up_s = self._monotonic() - self._since_s

@@ -190,7 +190,10 @@ def launch_command(folder: Path, launch: Launch, which: Which = shutil.which) ->
 
 
 def _ros_launch(folder: Path, package: str, file: str, path: Path | None, which: Which) -> list[str]:
-    """Returns the command line that starts a launch file with the archive's own ROS, or else the robot's ROS."""
+    """Returns the command line that starts a launch file with the archive's own ROS, or else the robot's ROS.
+
+    Raises StepFailed if the launch file, the ROS program or its interpreter is missing.
+    """
     lack = lacks_launch_file(folder, package, file) if path is None else None
     if lack is not None:
         raise StepFailed("EnvironmentSetupError", f"launchFile: {lack}")

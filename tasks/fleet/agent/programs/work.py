@@ -174,7 +174,10 @@ class Watch:
         return None if self._is_over else self._until_s
 
     def poll(self) -> list[Event]:
-        """Returns the result of a new version's health check, once known."""
+        """Returns the result of a new version's health check once, as soon as it is known; nothing before and after.
+
+        Without a check the version passes when it has stayed up for its time.
+        """
         if self._checking is not None:
             return self._checking.poll()
         if self._is_over or self._monotonic() < self._until_s:
