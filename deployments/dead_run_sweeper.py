@@ -100,7 +100,7 @@ class RecordedEnds:
         self._answers: dict[UUID, tuple[float, State[Any] | None]] = {}
 
     def end_of(self, run: FlowRun) -> State[Any] | None:
-        """Returns the state in which a flow run really ended; `None` if unknown in this data home."""
+        """Returns the state in which a flow run really ended; `None` if unknown in this data home. Cached."""
         now_s = time.monotonic()
         self._answers = {each: (at_s, end) for each, (at_s, end) in self._answers.items() if now_s - at_s < _FRESH_S}
         if run.id not in self._answers:

@@ -447,7 +447,7 @@ class PipelineRun:
                 return answer
 
     def _outlasting(self, call: Callable[[], Result]) -> Result:
-        """Repeats a call until the catalog answers, or the run has to end."""
+        """Returns the result of a call that is repeated until the catalog answers, or the run has to end."""
         pause_s = self._service.timing.after_outage_s
         wait = CatalogWait(self.run_id, self._service.catalog.count, lambda: self._is_canceled, pause_s)
         return wait.outlasting(call)

@@ -113,7 +113,7 @@ def _examined(subject: str, check: Callable[[], Finding]) -> Finding:
 
 
 def check_python() -> Finding:
-    """Checks the version of Python."""
+    """Checks the version of Python; broken if it is not 3.11 or 3.12."""
     version = ".".join(map(str, sys.version_info[:3]))
     if sys.version_info[:2] in ((3, 11), (3, 12)):
         return Finding("python", "ok", f"{version} ({sys.executable}), {os.cpu_count()} processors")
@@ -230,7 +230,7 @@ def _used_in_words(home: Path, until_s: float) -> str:
 
 
 def check_catalog(settings: Settings) -> Finding:
-    """Checks that the catalog's database can be opened."""
+    """Checks that the catalog's database can be opened; an error of it is raised, not returned."""
     from ...tasks.service.service import Service
 
     Service.open(settings).catalog.close()
@@ -280,7 +280,7 @@ def check_roles(settings: Settings) -> Finding:
 
 
 def check_server(settings: Settings) -> Finding:
-    """Checks the Prefect server that runs on this machine would use."""
+    """Checks the Prefect server that runs on this machine would use; broken if a configured one does not answer."""
     status = server_status(settings)
     if status.configured_elsewhere and not status.running:
         remedy = "start that server, or unset PREFECT_API_URL to use a local one"

@@ -135,7 +135,7 @@ class Parser(argparse.ArgumentParser):
     def parse_known_args(  # pyright: ignore[reportIncompatibleMethodOverride] - argparse overloads it
         self, args: Iterable[str] | None = None, namespace: Any = None
     ) -> Any:
-        """Parses command line arguments; unknown ones are an error at once."""
+        """Parses command line arguments; ends the program with exit code 2 if one is unknown or empty."""
         chosen, unknown = super().parse_known_args(args, namespace)
         if unknown:
             self.error(f"unrecognized arguments: {' '.join(unknown)}{self._advice(unknown[0])}")

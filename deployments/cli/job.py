@@ -111,7 +111,7 @@ def order(operation: str, request: Mapping[str, Any], settings: Settings, form: 
 
 
 def _warn_on_stderr() -> None:
-    """Prints this package's warnings, such as of a dead Prefect server, which Prefect's logging setup would hide."""
+    """Prints this package's warnings, such as of a dead Prefect server, on standard error and nowhere else."""
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(logging.Formatter("robomaker: %(message)s"))
     logger = logging.getLogger("prefect_robomaker")

@@ -88,7 +88,7 @@ def _execute(words: Sequence[str]) -> int:
 
 
 def _warn_of_misspelt_settings() -> None:
-    """Prints each environment variable that resembles a setting and is none: nothing else would ever read it."""
+    """Prints on standard error each environment variable that resembles a setting and is none, as it has no effect."""
     from ...schemas.settings import misspelt_settings
 
     for name, setting in misspelt_settings(os.environ).items():

@@ -40,7 +40,7 @@ def interrupted_by_signals() -> Iterator[None]:
 
 
 def die_of(number: int) -> NoReturn:
-    """Ends this process by a signal, so that its parent sees the cause."""
+    """Ends this process by a signal, so that its parent sees the cause; it does not return."""
     signal.signal(number, signal.SIG_DFL)
     os.kill(os.getpid(), number)
     os._exit(128 + number)  # where the signal is blocked

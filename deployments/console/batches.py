@@ -158,7 +158,10 @@ def show_all(visit: Visit) -> Response:
 
 
 def show(visit: Visit) -> Response:
-    """Web page of one batch."""
+    """Web page of one batch of simulation jobs.
+
+    Raises ResourceNotFoundException if the visitor may see no such batch.
+    """
     batch = visit.find(BATCH, visit.request.path_params["id"], ())
     view = _view(batch, visit)
     return visit.page("batch.html.j2", **_parts_of(view, visit))

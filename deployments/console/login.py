@@ -28,7 +28,7 @@ def visit_of(request: Request, context: Context) -> Visit | None:
 
 
 def ask(request: Request) -> Response:
-    """Redirects a visitor to the login page of the web console."""
+    """Redirects a visitor to the login page of the web console; forms and streams get status 403 instead."""
     if request.method != "GET" or request.url.path.endswith("/live"):
         return Response("log in first\n", 403, media_type="text/plain")
     wanted = request.url.path + (f"?{request.url.query}" if request.url.query else "")
@@ -82,7 +82,7 @@ def log_in(context: Context) -> Callable[[Request], Awaitable[Response]]:
 
 
 def log_out(visit: Visit) -> Response:
-    """Ends the visitor's session in the web console."""
+    """Ends the visitor's session in the web console, deletes its cookie, and redirects to the login page."""
     if visit.context.sessions is not None:
         visit.context.sessions.log_out(visit.request.cookies.get(cookie_name(visit.request)))
     response = RedirectResponse(f"{HOME}/login", 303)

@@ -106,7 +106,7 @@ _NAMED = (
 
 
 def _meant(wanted: str, visit: Visit) -> list[Resource]:
-    """Jobs and worlds that a name or the beginning of an id means."""
+    """Returns the jobs and worlds that a name or the beginning of an id means; empty if it means several runs."""
     if not wanted or wanted.startswith("arn:"):
         return []
     with suppress(ConfigurationError):  # of the beginning of several runs

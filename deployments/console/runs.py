@@ -203,14 +203,14 @@ def find_record(visit: Visit) -> RunRecord:
 
 @lru_cache(maxsize=16)
 def _since(path: Path, runs: Path) -> SinceLastRun | None:
-    """Compares a run with the one before it; cached, since no run before it changes any more."""
+    """Compares a run with the one before it; `None` for a rerun. Cached, since no run before it changes any more."""
     record = read_record(path)
     return None if record.rerun_of else since_last(NightRun.of(record), runs)
 
 
 @lru_cache(maxsize=256)
 def _read(path: Path, changed_at: int) -> RunRecord | None:
-    """Reads a run's record; cached until its file changes."""
+    """Reads a run's record, cached until its file changes; `None` if it cannot be read."""
     del changed_at
     try:
         return read_record(path)

@@ -58,7 +58,7 @@ def missing_objects(needs: list[Need], store: ObjectStore) -> list[Need]:
 
 
 def _is_there(store: ObjectStore, bucket: str, key: str) -> bool:
-    """Whether an object exists, or one whose key begins so: data sources name prefixes, too."""
+    """Whether an object exists, or one whose key begins so: data sources name prefixes, too; false without a bucket."""
     try:
         return next(iter(store.list(bucket, key)), None) is not None
     except BucketNotFoundError:

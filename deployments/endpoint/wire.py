@@ -164,7 +164,10 @@ def _body_members(request: ServiceRequest) -> dict[str, Any]:
 
 
 def _check_content_type(content_type: str | None) -> None:
-    """Raises an error if a body is not JSON: SDKs send `application/json` or no type."""
+    """Checks that a body is JSON by its `Content-Type`: SDKs send `application/json` or no type.
+
+    Raises UnsupportedMediaTypeException for any other type.
+    """
     if content_type is None:
         return
     kind = content_type.partition(";")[0].strip().lower()

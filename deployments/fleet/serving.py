@@ -40,7 +40,7 @@ class ServedAgents:
         self._reader = RepositoryReader(service)
 
     def enrol(self, robot: str, secret: str, token_sha256: str) -> str | None:
-        """Enrols an agent; see `enrolment.take`."""
+        """Enrols a robot's agent; returns the TUF root to trust, or `None` if its one-time token is refused."""
         from ...tasks.fleet.trust.enrolment_tokens import take  # it needs the extra `fleet`
 
         root = take(robot, secret, token_sha256, self._service)

@@ -158,7 +158,7 @@ def configured_api_url(environ: Mapping[str, str]) -> str | None:
 
 
 def _status_once_idle(settings: Settings, environ: Mapping[str, str] | None) -> ServerStatus:
-    """Returns the server's status, after waiting for a busy server."""
+    """Returns the Prefect server's status, after waiting for a busy server for some time; it may still be busy then."""
     status = server_status(settings, environ)
     if status.busy:
         api_url = str(status.api_url)
@@ -241,7 +241,7 @@ def _wait_until_healthy(process: subprocess.Popen[bytes], api_url: str, log: Pat
 
 
 def _is_alive(status: ServerStatus) -> bool:
-    """Whether the process is the server of that address; process ids are reused after a reboot."""
+    """Whether the process of a recorded server is that server of Prefect: process ids are reused after a reboot."""
     try:
         arguments = set(Path(f"/proc/{status.pid}/cmdline").read_bytes().decode(errors="replace").split("\0"))
     except OSError:
@@ -278,7 +278,7 @@ def _listener(memory: Path) -> socket.socket:
 
 
 def _known_server(settings: Settings) -> ServerStatus:
-    """Returns the server in the state file, whether it still runs or not."""
+    """Returns the server in the state file, whether it still runs or not; without a file one that does not run."""
     try:
         return ServerStatus(**json.loads(_state_file(settings).read_text()))
     except (OSError, ValueError, TypeError):

@@ -56,7 +56,7 @@ def patient_requests(outage: Outage, api_url: str) -> Generator[None]:
 
 @contextmanager
 def _replaced(owner: type, name: str, replacement: Callable[..., Any]) -> Generator[None]:
-    """Replaces a method inside the `with` block; the replacement is called with the method and its arguments."""
+    """Replaces a class's method in the block; the replacement is called with the former method and its arguments."""
     method = getattr(owner, name)
     setattr(owner, name, lambda *arguments: replacement(method, *arguments))
     try:
@@ -130,7 +130,7 @@ class _Patience:
             tasks.cancel_scope.cancel()
 
     async def _answers(self) -> bool:
-        """Waits until the server answers or waiting time is over; returns whether it answers."""
+        """Waits until the Prefect server answers or the waiting time is over; returns whether it answers."""
         while self._outage.is_waited_for:
             await anyio.sleep(_LOOK_S)
         return not self._outage.is_on

@@ -53,7 +53,7 @@ def read_standing(folder: Path) -> Standing | None:
 
 
 def write_standing(folder: Path, standing: Standing) -> None:
-    """Writes the state of an ordered run, atomically."""
+    """Writes the state of an ordered run into its folder, in a file that is replaced as a whole."""
     part = folder / f".{STANDING}.part"
     part.write_text(standing.model_dump_json(), encoding="utf-8")
     part.replace(folder / STANDING)
@@ -109,7 +109,7 @@ class StandingFile:
             timer.start()
 
     def write(self) -> None:
-        """Writes the current state of an ordered run."""
+        """Writes the current state of an ordered run into its folder, now."""
         with self._lock:
             self._is_due = False
             write_standing(self._folder, self._standing)

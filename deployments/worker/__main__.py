@@ -91,7 +91,10 @@ def _serve(worker: "WarmWorker", channel: Channel, look: threading.Event, stop: 
 
 
 def _listen(channel: Channel, look: threading.Event, stop: threading.Event) -> None:
-    """Receives messages of the endpoint's process until it stops or dies."""
+    """Receives messages of the endpoint's process, each of which wakes the worker, until it says stop or dies.
+
+    The worker is told to stop then.
+    """
     while (message := channel.receive()) is not None and message != STOP:
         look.set()
     _request_stop(look, stop)

@@ -96,7 +96,7 @@ class Jobs:
             self.held.renew_reservation(arn, self.service.catalog, self.service.timing.lease_s)
 
     def look_again(self) -> None:
-        """Checks once a minute whether jobs that this process could not run can run now."""
+        """Forgets, once a minute, which jobs this process could not run, so that they are checked again."""
         if time.monotonic() - self._left_since_s > _LOOK_AGAIN_S:
             self._left_since_s = time.monotonic()
             self.left.clear()

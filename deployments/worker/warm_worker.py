@@ -166,7 +166,7 @@ def _in_words(pool: JobPool, begun: int, waiting: int) -> str:
 
 @contextmanager
 def _logged(what: str) -> Iterator[None]:
-    """Logs errors inside the `with` block that occur because the Prefect server does not answer."""
+    """Logs errors in the block that occur because the Prefect server does not answer; they are not raised."""
     try:
         yield
     except (httpx.HTTPError, PrefectException) as error:

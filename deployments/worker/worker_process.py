@@ -73,7 +73,7 @@ class WorkerProcess:
         return self.status().get("interrupted", {})
 
     def kill(self) -> None:
-        """Kills the worker process; its jobs stay claimed until their leases expire."""
+        """Kills the job worker's process, and waits a moment; its jobs stay claimed until their leases expire."""
         self._stopping.set()
         if (process := self._process) is not None:
             process.kill()

@@ -104,7 +104,7 @@ class PolicyRequest(JobRequest, Protocol):
 
 
 def policy_in(request: Mapping[str, Any]) -> str | None:
-    """Returns the policy that a simulation job request names, by its member or by a launch variable."""
+    """Returns the policy that a simulation job request names, by its member or by a launch variable; else `None`."""
     if (policy := request.get("policy")) is not None:
         return policy
     configs: list[Mapping[str, Any]] = [

@@ -329,7 +329,7 @@ def _described(model: type[BaseModel], location: Location) -> str:
 
 
 def _model_at(model: type[BaseModel], location: Location) -> type[BaseModel] | None:
-    """Returns the model whose members are looked up at a location."""
+    """Returns the model whose members are looked up at a location; `None` if there is no model at it."""
     kind: Any = [*_kinds(model, (*location, ""))][-1]
     return kind if isinstance(kind, type) and issubclass(kind, BaseModel) else None
 

@@ -189,7 +189,10 @@ def _discordant(question: Question, earlier: EarlierPairs | None) -> tuple[float
 
 
 def _smallest(pairs: int, question: Question, discordant: float) -> float | None:
-    """Returns the smallest difference or margin, in tenths of a percentage point, that the pairs can show."""
+    """Returns the smallest difference or margin, in steps of a tenth of a percentage point, that the pairs can show.
+
+    Returns None if they can show none.
+    """
 
     def power(share: float) -> float:
         if question.kind == "margin":

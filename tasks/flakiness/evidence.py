@@ -195,7 +195,7 @@ class Evidence:
         return sums
 
     def decision(self) -> Decision | None:
-        """Returns the factor that decides, if the reruns show one."""
+        """Returns the factor that decides how a job ends, and how sure that is; `None` if the reruns show none."""
         for factors, probability in self.of_factors().items():
             if len(factors) == 1 and probability >= ENOUGH:
                 return Decision(next(iter(factors)), probability)

@@ -48,7 +48,7 @@ def side_of(trials: Trials, most: int) -> tuple[Side, str | None]:
 
 
 def _differing(free: Iterable[Trial]) -> tuple[Trial, Trial] | None:
-    """Returns two reruns with other verdicts, or at least other bits."""
+    """Returns two reruns with other verdicts, or at least other bits; `None` if all are the same."""
     pairs = list(combinations(free, 2))
     verdicts = (pair for pair in pairs if pair[0].observation.verdict != pair[1].observation.verdict)
     bits = (pair for pair in pairs if pair[0].observation.bits != pair[1].observation.bits)

@@ -83,7 +83,7 @@ class Trials:
         return [each.observation for each in trials]
 
     def weights(self) -> Weights:
-        """Returns the factors that can be held here, weighted by what the reruns have used."""
+        """Returns the factors that can be held on this machine, weighted by what the reruns have used."""
         can_box = self._box.level == "box" or _has_boxes()
         return weights_of(
             self._used,

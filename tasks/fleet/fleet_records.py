@@ -105,7 +105,7 @@ def robots_of(fleet: str, service: Service, page: int = _PAGE) -> list[Resource]
 
 
 def last_deployment(fleet: str, service: Service) -> Resource | None:
-    """Returns the newest deployment job of a fleet; only this one may be unfinished."""
+    """Returns the newest deployment job of a fleet, the only one that may be unfinished; `None` if it has had none."""
     page = service.catalog.list(DEPLOYMENT, filters={"parent": [fleet]}, limit=1)
     return page.resources[0] if page.resources else None
 

@@ -244,7 +244,7 @@ class OrderKeeper:
 
 
 def _oldest(wanted: list[_Wanted], state: RobotState) -> _Wanted | None:
-    """Returns the oldest order that the robot has not closed."""
+    """Returns the oldest wanted order that the robot has not closed; `None` if it has closed all."""
     fresh = [each for each in wanted if each.order.action_id > state.last_action_id]
     return min(fresh, key=lambda each: each.order.action_id, default=None)
 

@@ -125,7 +125,7 @@ def _job_of(reference: str, service: Service) -> Resource | None:
 
 
 def _check_ended(job: Resource) -> None:
-    """Raises an error for a run that has not ended: its files are incomplete, and a rerun would use its containers."""
+    """Raises ConfigurationError if a job has not ended: its files are incomplete, and it may still use containers."""
     if not is_terminal(job.kind, job.status):
         raise ConfigurationError(
             f"{job.arn} has not ended, it is {job.status}: wait until it is Completed, Failed or Canceled, or cancel it"

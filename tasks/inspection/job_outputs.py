@@ -158,7 +158,7 @@ def judged_without_outputs(document: SimulationJobDocument) -> RunResult:
 
 
 def places_of(jobs: Sequence[ReportedJob], service: Service) -> dict[str, StoredPlace]:
-    """Returns where each job's outputs are in the object store, by ARN."""
+    """Returns where each job's outputs are in the object store, by the job's ARN; jobs without outputs are left out."""
     stored = service.catalog.get_many(job.arn for job in jobs if job.arn)
     found = {arn: SimulationJobDocument.of(resource).outputs for arn, resource in stored.items()}
     return {arn: place for arn, place in found.items() if place is not None}
@@ -289,7 +289,7 @@ def inputs_of_request(request: Mapping[str, Any], seed: int | None) -> JobInputs
 
 
 def _requirements_digest(request: Mapping[str, Any]) -> str | None:
-    """Returns the hash of a request's requirements, from its member or the launch variable."""
+    """Returns the hash of a request's requirements, from its member or the launch variable; `None` without any."""
     configs = [config for role in _APPLICATIONS for config in request.get(role) or ()]
     variables = [(config.get("launchConfig") or {}).get("environmentVariables") or {} for config in configs]
     asked = [request.get("requirements"), *(each.get(REQUIREMENTS_VARIABLE) for each in variables)]

@@ -222,7 +222,7 @@ def _room_problems(step: CheckedStep, rooms_of: RoomsOf) -> Iterator[Problem]:
 
 
 def _written_world(order: Mapping[str, Any]) -> str | None:
-    """Returns the world of a job request, unless it is a reference to a step's output."""
+    """Returns the world that a job request names; `None` if it names none, or refers to a step's output."""
     found: Any = order
     for key in ("simulationApplications", "worldConfigs"):
         found = found.get(key) if isinstance(found, Mapping) else None

@@ -134,7 +134,7 @@ def _size_bytes(place: StoredPlace | None, service: Service) -> int:
 
 
 def _archive_bytes(arn: str, service: Service) -> int:
-    """Returns the size of an export job's archive in bytes."""
+    """Returns the size of an export job's archive in bytes; 0 if the object store cannot be read."""
     bucket, key = archive_place(service.catalog.get(arn, kind="world-export-job"))
     try:
         return sum(item.size_bytes for item in service.store.list(bucket, key))

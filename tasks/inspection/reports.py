@@ -181,7 +181,7 @@ def _state_of_challenge(of_steps: RunState, challenge: Challenge) -> RunState:
 
 
 def _with_changes(report: Report, record: RunRecord) -> Report:
-    """Adds the changes since the last run to a report; for a rerun, how each job ended before."""
+    """Adds the changes since the last run to a report; a run that is no night, such as a rerun, has none."""
     if not is_night(record):
         return report
     return report.model_copy(update={"since_last": since_last(NightRun.of(record), record.run_dir.parent)})

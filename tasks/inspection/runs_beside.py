@@ -177,7 +177,7 @@ class RunBeside:
         return [int(place) for place, failure in document.failed.items() if failure.failure_code not in STOP_EVENTS]
 
     def ended_count(self, steps: Sequence[StepRecord]) -> int:
-        """Counts the ended jobs of steps, which is fast."""
+        """Counts the ended simulation jobs of steps, without reading the jobs."""
         return sum(
             count
             for step in steps

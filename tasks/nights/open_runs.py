@@ -48,7 +48,7 @@ class OpenRun:
 
     @classmethod
     def begin(cls, folder: Path, order: Order) -> Self:
-        """Stores the order of a run that begins in this process, and locks the run."""
+        """Stores the order of a run that begins in this process, and locks the run until the run or process ends."""
         lock = os.open(folder / LOCK, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_CREAT, 0o600)
         fcntl.flock(lock, fcntl.LOCK_EX)  # waits a moment where another process just looks whether it goes on
         run = cls(folder, order, lock)
@@ -140,7 +140,7 @@ class OpenRun:
         os.close(self._lock)
 
     def end(self) -> None:
-        """Deletes the stored order of a finished run."""
+        """Deletes the stored order, answers and lock of a finished run; a second call does nothing."""
         if self._ended.is_set():
             return
         self._ended.set()

@@ -103,7 +103,7 @@ class Lookup:
         return None
 
     def _inside(self, path: Path) -> Path | None:
-        """Raises an error for a file outside all search paths, as a world must not read arbitrary files of its user."""
+        """Returns a file's path if it is inside a search path, else `None`: worlds must not read any other file."""
         resolved = path.resolve()
         return path if any(resolved.is_relative_to(root) for root in self._roots) else None
 
@@ -157,7 +157,7 @@ def _rest(uri: str) -> str:
 
 
 def _package_of(world: Path) -> Path | None:
-    """Returns the folder of the ROS package that a world is in."""
+    """Returns the folder of the ROS package that a world is in; `None` if it is in none."""
     folders = list(world.resolve().parents)[:_LEVELS_UP]
     return next((folder for folder in folders if (folder / "package.xml").is_file()), None)
 

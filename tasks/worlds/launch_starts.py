@@ -227,7 +227,7 @@ def _declared(call: ast.Call) -> tuple[ast.expr | None, ast.expr | None]:
 
 
 def _dictionary(value: ast.expr, constants: Mapping[str, ast.expr]) -> ast.Dict | None:
-    """Returns the dictionary of `{...}.items()`, `{...}`, or of a variable with one of these as its value."""
+    """Returns the dictionary of `{...}.items()`, `{...}`, or of a variable with one of these; else `None`."""
     for _ in range(4):
         if isinstance(value, ast.Call) and isinstance(value.func, ast.Attribute) and value.func.attr == "items":
             value = value.func.value

@@ -90,7 +90,7 @@ def _carry_out(run: OpenRun, settings: Settings, listener: ProgressListener) -> 
 
 
 def _log(event: ProgressEvent) -> None:
-    """Logs an event of the run to the file with the process's output."""
+    """Logs the end of a step, or a note, to the file with the process's output; other events are ignored."""
     if isinstance(event, StepEnded):
         _logger.warning("step %s: %s %s", event.step, event.status, event.detail)
     elif isinstance(event, Note):
@@ -112,7 +112,7 @@ def _key(order: Order, settings: Settings) -> AccessKey | None:
 
 
 def _watch(cancel: Path) -> None:
-    """Cancels the run when a server requests it, as Ctrl-C would."""
+    """Waits until a file exists, and then sends this process SIGTERM: the server that made the file cancels the run."""
     while not cancel.exists():
         time.sleep(_LOOK_S)
     os.kill(os.getpid(), signal.SIGTERM)

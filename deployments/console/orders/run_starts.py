@@ -77,7 +77,10 @@ class Draft:
 
 
 def show(visit: Visit) -> Response:
-    """Web page for ordering a run, with an empty or example specification."""
+    """Web page for ordering a run, with the shipped specification that the address names, or with an empty one.
+
+    Raises an error if the visitor may not order runs here.
+    """
     runs_of(visit)
     name = visit.parameter("spec")
     text = shipped_specs().get(name, "")

@@ -241,7 +241,10 @@ _PREVIEWS = Previews()
 
 
 def show(visit: Visit) -> Response:
-    """Web page with the form for ordering worlds."""
+    """Web page with the form for ordering worlds, of the template that the address names or of a new one.
+
+    Raises ResourceNotFoundException if the visitor may not see that template.
+    """
     _check(visit, visit.parameter("template"))
     draft = WorldsDraft(template=visit.parameter("template"))
     return _page(visit, _with_plan(visit, draft))

@@ -57,7 +57,10 @@ def _runs(visit: Visit) -> Path:
 
 @lru_cache(maxsize=8)
 def _history(name: str, runs: Path, count: int, changed_at: int) -> HistoryPage | None:
-    """Returns the history of a specification's runs; cached until a run is added or removed."""
+    """Returns the history of a specification's runs; cached until the number of runs or the newest one changes.
+
+    It is `None` if no run can be read.
+    """
     del count, changed_at
     found = find_records(runs, name, _MOST_NIGHTS)
     return _view(name, runs, found.records, found.left_out)

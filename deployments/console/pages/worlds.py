@@ -134,7 +134,10 @@ def _made_from(world: Resource, visit: Visit) -> dict[str, Any]:
 
 
 def show_in_3d(visit: Visit) -> Response:
-    """Web page with a 3D view of a world."""
+    """Web page with a 3D view of a world.
+
+    Raises ResourceNotFoundException if the visitor may see no such world.
+    """
     # Imports MuJoCo and what makes meshes, 25 MB that `serve` does not need otherwise.
     from ....tasks.worldforge.viewer.viewer_page import viewer_page
 

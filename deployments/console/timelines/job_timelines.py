@@ -186,7 +186,7 @@ def _rounded(pose: Pose) -> list[float | None]:
 
 
 def _in_step(name: str, recorded: RunTimeline | None, result: RunResult | None) -> FilmTimes | None:
-    """Returns the times of a video if they are recorded and fit the run; one that lasts otherwise is not in step."""
+    """Returns the times of a video that follows the run; `None` if they are not recorded or do not fit the run."""
     times = None if recorded is None else recorded.videos.get(name)
     if times is None or result is None:
         return times

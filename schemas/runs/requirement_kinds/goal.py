@@ -181,7 +181,7 @@ class GoalRule(Rule[GoalRequirement]):
 
 
 def goal_named(name: str | None, before: Sequence[Rule[Any]]) -> GoalRule | None:
-    """Finds the rule of a goal by name among the rules of requirements."""
+    """Finds the rule of a goal by name among the rules of requirements; `None` if there is none."""
     return next((rule for rule in before if isinstance(rule, GoalRule) and rule.asked.name == name), None)
 
 

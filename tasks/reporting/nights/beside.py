@@ -304,7 +304,7 @@ def _end_of(result: RunResult | None) -> float:
 
 
 def _missed_first(job: JobRecord) -> tuple[float, Requirement] | None:
-    """Returns the simulated time in seconds at which a job first missed a requirement, and that requirement."""
+    """Returns the simulated time (s) at which a job first missed a requirement, and that one; else `None`."""
     times = [
         (item.first_violation_s, item)
         for item in job.requirements

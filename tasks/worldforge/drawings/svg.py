@@ -325,7 +325,7 @@ class _Reader:
 
 
 def _visibility(element: ET.Element, style: str) -> bool | None:
-    """Returns whether an SVG element's own `visibility` shows it; a style wins over the attribute, as in browsers."""
+    """Returns whether an SVG element's own `visibility` shows it, first by its style; `None` if it does not say so."""
     said = re.search(r"(?:^|;)\s*visibility\s*:\s*(\w+)", style)
     word = said[1] if said else (element.get("visibility") or "").strip()
     return {"visible": True, "hidden": False, "collapse": False}.get(word)

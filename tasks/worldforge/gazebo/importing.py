@@ -349,7 +349,7 @@ def _moved_joint(joint: Joint | None, turn: Pose) -> Joint | None:
 def _turns(
     bodies: Sequence[Body], poses: Mapping[str, Pose], name_of: Callable[[Body], str]
 ) -> Iterator[tuple[Body, Pose | None]]:
-    """Yields the displacement of each body: of one with a new pose, and of all bodies that are attached to it."""
+    """Yields the displacement of each body with a new pose, and of bodies attached to it; `None` for others."""
     turns: dict[int, Pose | None] = {}
     for body in bodies:
         pose = poses.get(name_of(body))

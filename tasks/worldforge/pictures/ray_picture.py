@@ -118,7 +118,7 @@ class RayPicture(RayCaster):
         return self.beyond(np.array(place), np.array(normal))
 
     def _sun(self, hits: Hits, lighting: Lighting, shape: tuple[int, int]) -> LightGrid | None:
-        """Sunlight at each pixel, with the soft edges that the sun's width makes."""
+        """Sunlight at each pixel, with the soft edges that the sun's width makes; `None` if no sun shines."""
         if lighting.sun is None:
             return None
         light = lighting.sun(hits, slots_of(shape))

@@ -272,7 +272,7 @@ def _write(draw: ImageDraw.ImageDraw, place: tuple[int, int], text: str, size_px
 
 
 def _inline(preview: bytes | None) -> str | None:
-    """Encodes a preview as a data URL: JPEG, a tenth of the PNG's size."""
+    """Encodes a preview as a data URL: JPEG, a tenth of the PNG's size; `None` stays `None`."""
     if preview is None:
         return None
     buffer = io.BytesIO()

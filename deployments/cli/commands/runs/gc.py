@@ -125,7 +125,7 @@ def _left_behind(settings: "Settings", service: "Service", *, act: bool) -> list
 
 
 def _kept_outputs(service: "Service") -> list[str]:
-    """Lists outputs that exist only on this machine, as text; they are not deleted."""
+    """Returns a line of text on outputs that exist only on this machine; no line if there are none."""
     from .....tasks.jobs.job_folders import find_kept
 
     if not (kept := find_kept(service)):

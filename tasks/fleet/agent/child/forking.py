@@ -79,7 +79,7 @@ class Child:
             return None
 
     def end(self) -> int | None:
-        """Waits for the end of the agent's child process; returns the exit code."""
+        """Waits some seconds for the end of the agent's child process; returns its exit code, `None` if it runs on."""
         self._process.join(_KILLED_WITHIN_S)
         return self._process.exitcode
 

@@ -168,7 +168,7 @@ class Watch:
 
     @property
     def due_s(self) -> float | None:
-        """Time of the next poll, by the monotonic clock in seconds."""
+        """Time of the next look at a new version's health, by the monotonic clock (s); `None` if the check is over."""
         if self._checking is not None:
             return self._checking.due_s
         return None if self._is_over else self._until_s
