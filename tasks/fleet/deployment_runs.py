@@ -305,7 +305,7 @@ class DeploymentRun:
         show_note(self._job.id.lower(), text)
 
     def _go_back(self) -> None:
-        """Creates the rollback job if one is due; if this fails, `robomaker serve` does it later."""
+        """Creates the rollback job if one is due; if the fleet is busy or gone, `robomaker serve` does it later."""
         document = DeploymentJobDocument.of(self._job)
         failed = document.rolls_back.job if document.rolls_back else self._job.arn
         with suppress(ResourceNotFoundException, ThrottlingException):
@@ -315,7 +315,7 @@ class DeploymentRun:
         self._lease.transition("fail", FailureChanges(failure_code=code, failure_reason=shorten(reason)))
 
     def _settle(self) -> None:
-        """Updates the status of the fleet's robots, also after a run that died before it could."""
+        """Updates the status of the fleet's robots, also for a run that died before it could, if the fleet is free."""
         gone_or_busy = suppress(ResourceNotFoundException, ThrottlingException)
         with gone_or_busy, fleet_held(str(self._job.parent), self._service) as fleet:
             settle(fleet, self._service)

@@ -96,7 +96,7 @@ class KeptRollout:
         self._load()
 
     def keep_alive(self) -> None:
-        """Stores that the service ran until now, so that a later gap counts as an outage and extends time limits."""
+        """Stores that the service ran until now; a later gap counts as an outage, which extends time limits."""
         self._ledger.pass_time(self._now_s())
         if not self._store(self._ledger, ()):
             self._load()

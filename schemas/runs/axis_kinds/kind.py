@@ -377,7 +377,7 @@ class LidarAxis(NumberAxis):
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Returns a function that sets one of the errors of the robot's lidar."""
+        """Returns a function that sets one of the errors of the robot's lidar; `None` is as built."""
         lidar = rig.lidar
         built = getattr(lidar, cls.error)
 

@@ -73,7 +73,7 @@ class AllRoomsRule(Rule[AllRoomsRequirement]):
         return look
 
     def begin(self, rooms: Mapping[str, Sequence[Point]] | Sequence[str]) -> None:
-        """Sets the rooms that have to be visited."""
+        """Sets the rooms that have to be visited; without any, the requirement cannot be judged."""
         self._rooms = tuple(rooms)
         if not self._rooms:
             self.fail("ignore leaves no room")

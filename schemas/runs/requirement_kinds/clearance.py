@@ -38,7 +38,7 @@ class ClearanceRule(Rule[ClearanceRequirement]):
         return look
 
     def update(self, time_s: float, distance_m: float, other: str) -> None:
-        """Records the current smallest distance and the nearest object."""
+        """Records the current smallest distance in metres and the nearest object; one below `min_m` is a violation."""
         if distance_m < self.nearest_m:
             self.nearest_m, self._other = distance_m, other
         if distance_m < self.asked.min_m:

@@ -159,7 +159,7 @@ class ExpressionRule(Rule[ExpressionRequirement]):
         return None
 
     def _rates(self, time_s: float, here: tuple[float, ...], yaw: float) -> tuple[float, float]:
-        """Returns speed in m/s and turn rate in deg/s since the last sample."""
+        """Returns speed in m/s and turn rate in deg/s since the last sample; 0 and 0 for the first one."""
         last, self._last = self._last, (time_s, here, yaw)
         if last is None or time_s <= last[0]:
             return 0.0, 0.0
@@ -212,7 +212,7 @@ class ExpressionRule(Rule[ExpressionRequirement]):
         return None
 
     def remark(self) -> str | None:
-        """Returns a note about conditions that were never true."""
+        """Returns a note about conditions that were never true, so that nothing was tested; `None` if all were."""
         if self.error is not None or self._found is None or not self._found.idle:
             return None
         never = ", ".join(in_words(each) for each in self._found.idle)

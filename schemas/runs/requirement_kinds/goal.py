@@ -148,7 +148,7 @@ class GoalRule(Rule[GoalRequirement]):
         return self.asked.by_s or 0.0
 
     def remark(self) -> str | None:
-        """Returns a note about a goal that was reached before the robot moved."""
+        """Returns a note about a goal that was reached before the robot moved; `None` for any other."""
         is_ordinary = self._before is None and self.asked.by_s is None
         is_at_start = self.reached_s is not None and self.reached_s == self._began_s
         if is_at_start and is_ordinary and self._end_s:

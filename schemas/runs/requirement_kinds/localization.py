@@ -146,14 +146,14 @@ class LocalizationRule(Rule[LocalizationRequirement]):
             self.violate(time_s)
 
     def add_metrics(self, metrics: dict[str, float]) -> None:
-        """Adds the largest localization error to the run's metrics."""
+        """Adds the largest localization error in metres to the run's metrics, if there was any estimate."""
         if self._checks > self._missing:
             metrics["max_localization_error_m"] = max(
                 metrics.get("max_localization_error_m", 0.0), round(self.worst_m, 6)
             )
 
     def remark(self) -> str | None:
-        """Returns a note about an estimate that always equals the true pose, such as one read from the simulation."""
+        """Returns a note about estimates that always equal the true pose, as if read from it; else `None`."""
         if self.error is None and self._checks > self._missing and self.worst_m == 0.0:
             return f"{self.asked.name}: the estimate is the true place to the last digit; it may read the simulation"
         return None

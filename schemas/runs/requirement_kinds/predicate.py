@@ -61,7 +61,7 @@ class PredicateRule(Rule[PredicateRequirement]):
         return look
 
     def update(self, time_s: float, holds: bool, reason: str = "") -> None:
-        """Records one answer of the function; the reason of the first failure is kept."""
+        """Records one answer of the function; a false one is a violation, of which the first keeps its reason."""
         self._checks += 1
         if not holds:
             self._violations += 1

@@ -36,7 +36,7 @@ class SpeedRule(Rule[SpeedRequirement]):
     _last: tuple[float, tuple[float, ...]] | None = None
 
     def bind(self, scene: Scene) -> Look:
-        """Connects the rule to a simulation: measures the body's distance since the last check."""
+        """Connects the rule to a simulation; returns the check that measures the distance since the last look."""
         position = scene.position(self)
         polygon = None if self.asked.room is None else self.polygon(self.asked.room, scene)
 

@@ -201,7 +201,10 @@ def _repeated(fleet: Resource, service: Service, token: ClientToken | None) -> R
 
 
 def _check(document: DeploymentJobDocument, fleet: Resource, service: Service) -> Resource:
-    """Raises an error for an impossible deployment; returns the application's version."""
+    """Checks that a deployment is possible; returns the application's version.
+
+    Raises an error that names the member if it is not.
+    """
     (config,) = document.deployment_application_configs
     ResourceArn.parse(config["application"], "robot-application")
     application = find_application(config["application"], "robot", config["applicationVersion"], service)

@@ -78,7 +78,7 @@ def list_robots(request: ListRobotsRequest, service: Service) -> Answer:
 
 @operation("DeleteRobot")
 def delete_robot(request: DeleteRobotRequest, service: Service) -> Answer:
-    """Handles `DeleteRobot`: deletes a robot; does nothing if it is deleted already."""
+    """Handles `DeleteRobot`: deletes a robot, and tells its fleet's deployments; does nothing if it is deleted."""
     robot = _checked(request.robot)
     with suppress(ResourceNotFoundException):
         fleet = RobotDocument.of(service.catalog.get(robot, kind=ROBOT)).fleet
@@ -90,7 +90,10 @@ def delete_robot(request: DeleteRobotRequest, service: Service) -> Answer:
 
 @operation("RegisterRobot")
 def register_robot(request: RegisterRobotRequest, service: Service) -> RegisterRobotResponse:
-    """Handles `RegisterRobot`: adds a robot to a fleet; does nothing if it is in that fleet."""
+    """Handles `RegisterRobot`: adds a robot to a fleet; does nothing if it is in that fleet.
+
+    An error is raised if it is in another one, or either does not exist.
+    """
     robot = _checked(request.robot)
     with fleet_held(request.fleet, service) as fleet:
         put_into_fleet(robot, fleet, service)

@@ -81,7 +81,7 @@ def _chunks(link: http.client.HTTPConnection, answer: http.client.HTTPResponse, 
 
 
 def refusal(status: int, path: str) -> StepFailed | TryLater:
-    """Converts an HTTP error status to a failed deployment, or to a later retry."""
+    """Returns the error for an HTTP status of the update server: a failed step for 403 and 404, else a later try."""
     if status == 403:
         return StepFailed("BadPermissionError", f"the store denies {path}")
     if status == 404:

@@ -108,7 +108,7 @@ def _run(do: Callable[[Callable[..., None]], None], answers: int) -> None:
 
 
 def _forget_signals() -> None:
-    """Removes the agent's signal handlers in the child process, as they would wake the agent."""
+    """Removes the agent's signal handlers in its child process, in which they would wake the agent."""
     signal.set_wakeup_fd(-1)
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGCHLD):
         signal.signal(number, signal.SIG_DFL)

@@ -281,7 +281,7 @@ def _inside(folder: Path, name: str) -> Path | None:
 
 
 def interpreted(path: Path) -> list[str]:
-    """Returns the command line that runs a file, with its interpreter if needed."""
+    """Returns the command line that runs a file: itself if it is a program, else with python3 (`.py`) or a shell."""
     with path.open("rb") as file:
         beginning = file.read(4)
     if (beginning == b"\x7fELF" or beginning.startswith(b"#!")) and os.access(path, os.X_OK):

@@ -55,7 +55,7 @@ class ChildWork:
         return events
 
     def stop(self) -> None:
-        """Ends the child process."""
+        """Kills the child process if it still runs."""
         if not self._is_over:
             self._child.kill()
             self._close()
