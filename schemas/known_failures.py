@@ -64,7 +64,7 @@ class KnownFailure(Model):
         return f"{self.owner} until {self.until}{f': {self.why}' if self.why else ''}"
 
     def is_about(self, names: Iterable[str]) -> bool:
-        """Returns whether it is about a job of these names."""
+        """Returns whether a known failure is about a job that has any of these names."""
         return any(fnmatchcase(name, self.match.job) for name in names)
 
     def covers(self, names: Iterable[str], requirement: str) -> bool:

@@ -51,7 +51,7 @@ class Command(NamedTuple):
     """First paragraph of the command's own help."""
 
     def load(self) -> CommandModule:
-        """Imports the module of a command."""
+        """Imports and returns the module of a command of `robomaker`."""
         return cast("CommandModule", importlib.import_module(self.module))
 
 

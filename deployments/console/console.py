@@ -159,7 +159,7 @@ def _pattern(path: str) -> re.Pattern[str]:
 
 
 def _sample(path: str) -> str:
-    """Returns a path that matches a URL pattern."""
+    """Returns a path that matches a URL pattern of a console page, with an example for each of its parameters."""
     return re.sub(r"{\w+:?(\w*)}", lambda found: _SAMPLES.get(found[1], "x"), path)
 
 
@@ -308,7 +308,7 @@ class Console:
 
 
 def answered(visit: Visit, page: Page) -> Response:
-    """Returns a page's response, or an error page."""
+    """Returns a console page's response, or an error page if the page raises any error."""
     try:
         return page(visit)
     except Exception as error:

@@ -148,7 +148,10 @@ def follow(visit: Visit) -> Response:
 
 
 def send(visit: Visit) -> Response:
-    """Sends one of a job's output files to the browser."""
+    """Sends one of a job's output files to the browser.
+
+    Raises ResourceNotFoundException if the visitor may see no such job.
+    """
     job = visit.find(JOB, visit.request.path_params["id"])
     return send_file(SimulationJobDocument.of(job).outputs, visit.request.path_params["name"], visit.service)
 

@@ -137,7 +137,7 @@ def _latest(visit: Visit, most: int) -> list[RunRecord]:
 
 
 def sees_run(visit: Visit, record: RunRecord) -> bool:
-    """Whether a visitor may see a run."""
+    """Whether a visitor may see a run: if the visitor ordered it, or may see all its steps and jobs."""
     if visit.sees_all:
         return True
     standing = read_standing(_place(record.run_id, visit).parent)

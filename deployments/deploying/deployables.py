@@ -28,7 +28,7 @@ class Need:
 
     @property
     def sentence(self) -> str:
-        """Returns a sentence that describes the need."""
+        """Returns a description of an object, package or image that a step needs, with the step's name."""
         if self.uri.startswith("s3://"):
             return f"{self.uri} in the object store (step {self.step})"
         if self.uri.startswith(_PACKAGE):

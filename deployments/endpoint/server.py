@@ -168,7 +168,7 @@ class _Server(uvicorn.Server):
         self._stopping = stopping
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Starts to answer HTTP requests."""
+        """Starts to answer HTTP requests, and then reports the port as ready."""
         await super().startup(sockets)
         self._ready(self._listener.getsockname()[1])
 

@@ -108,7 +108,7 @@ def _declared(found: Node | None) -> dict[str, Parameter]:
 
 
 def _declared_well(found: Node | None) -> dict[str, Parameter]:
-    """Returns the parameters with readable declarations."""
+    """Returns the parameters of a specification whose declarations can be read; others are left out."""
     declared: dict[str, Parameter] = {}
     for name, node in found.entries.items() if isinstance(found, MappingNode) else ():
         with suppress(ValidationError):
@@ -283,7 +283,7 @@ class _Check:
         return path_text(self._shown(location))
 
     def _shown(self, location: Location) -> Location:
-        """Converts a location to the one that the user sees."""
+        """Converts a location in the checked specification to the one in the user's file."""
         written = self._respelling.path(location)
         return written[len(self._hidden) :] if location[: len(self._hidden)] == self._hidden else written
 

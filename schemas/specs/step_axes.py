@@ -108,7 +108,7 @@ class _SpreadAxis(NumberAxis):
         raise NotImplementedError
 
     def parse(self, text: Any) -> float:
-        """Returns the number that a cell has."""
+        """Returns the number that a cell's text or value means; ValueError if it is none that fits the axis."""
         return super().parse(text if isinstance(text, str) else repr(text))
 
 
@@ -120,7 +120,7 @@ class _ListedAxis:
 
     @property
     def listed(self) -> Sequence[Scalar]:
-        """Its values."""
+        """The values of an axis that lists them."""
         return self.values
 
     def parse(self, text: Any) -> Scalar:
@@ -172,7 +172,7 @@ def axes_problems(written: Mapping[str, Any]) -> tuple[Cells | None, list[Reques
 
 
 def _well_formed(axes: object) -> dict[str, StepAxis]:
-    """The axes whose members have the right types."""
+    """Returns the axes of a step whose members have the right types; others are left out."""
     found: dict[str, StepAxis] = {}
     for name, axis in axes.items() if is_mapping(axes) else ():
         with suppress(ValidationError):

@@ -52,7 +52,7 @@ class AxisColumn:
 
     @property
     def is_number(self) -> bool:
-        """Whether its values are numbers."""
+        """Whether all values of the axis are numbers."""
         return all(not isinstance(each, str) for each in self.values)
 
     @property
@@ -97,7 +97,7 @@ class Evidence:
 
     @property
     def world_count(self) -> int:
-        """Number of different worlds."""
+        """Number of different worlds in the judged trials."""
         return len(self.world_names)
 
 

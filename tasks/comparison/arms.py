@@ -103,7 +103,7 @@ class _Axis:
 
     @property
     def values(self) -> list[Value]:
-        """Its values, in the order of the jobs."""
+        """The different values of one axis, in the order of the jobs."""
         return [*dict.fromkeys(job.axes[self.name] for job in self.jobs if self.name in job.axes)]
 
     def shares(self) -> list[Share]:
@@ -315,7 +315,7 @@ def _told(axis: _Axis, arm: _Arm, p_value: float | None, answer: Answer) -> ArmC
 
 
 def _why(arm: _Arm, p_value: float | None, answer: Answer) -> str:
-    """The reason of an answer, with what it leaves out."""
+    """Returns the reason of an answer about two values of an axis, with what it leaves out."""
     if arm.rate is None:
         words = f"none of {_counted(len(arm.trials), 'pair')} was judged on both sides by the same requirements"
     elif answer == "not comparable":

@@ -64,7 +64,7 @@ class EarlierPairs:
 
     @property
     def share(self) -> float:
-        """Share of pairs whose verdicts differ."""
+        """Share (0 to 1) of pairs of trials whose verdicts differ between two runs."""
         return float((self.judged.change != 0).mean())
 
 

@@ -26,7 +26,7 @@ FEWEST_RERUNS = 8
 
 
 def all_jobs(record: RunRecord, service: Service) -> list[ReportedJob]:
-    """Returns the jobs of a run."""
+    """Returns the jobs of a run that were created; requests without a job are left out."""
     return [each for each in jobs_of(record.steps, service, record.rerun_of) if each.arn]
 
 

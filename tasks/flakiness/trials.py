@@ -163,7 +163,7 @@ class Trials:
 
 
 def observation_of(held: Held, outcome: RunOutcome, outputs: RunOutputs) -> Observation:
-    """Returns what is compared of a rerun."""
+    """Returns what is compared of a rerun: its verdict (without a result its failure code or status) and its bits."""
     verdict = outputs.result.verdict if outputs.result else outcome.failure_code or outcome.status
     return Observation(held, verdict, _bits(verdict, outputs))
 

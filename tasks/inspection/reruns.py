@@ -273,7 +273,7 @@ def _worlds_meant(text: str, jobs: Sequence[ReportedJob], run_id: str) -> list[s
 
 
 def _titles(jobs: Sequence[ReportedJob], labels: Sequence[str] | None = None) -> Iterator[str]:
-    """Names of jobs with their ids."""
+    """Yields the names of jobs with their ids, of all jobs or of those with the given labels."""
     for job in jobs:
         if labels is None or job.label in labels:
             yield with_id(job.name, job.label)

@@ -43,7 +43,7 @@ class FailureGroup:
 
     @property
     def newest(self) -> JobLine:
-        """The job that failed so last."""
+        """The newest of the jobs that failed for this reason."""
         return self.jobs[0]
 
     @property

@@ -103,7 +103,7 @@ def only_visible(key: AccessKey, shape: OperationShape, answer: dict[str, Any], 
 
 
 def is_visible(key: AccessKey, resource: Resource, catalog: Catalog) -> bool:
-    """Whether an access key may see a resource."""
+    """Whether an access key may see a resource: by name or tags, if built in, or as a world of a visible job."""
     return not key.is_confined or _is_open(key, resource) or _goes_with_its_job(key, resource, catalog)
 
 

@@ -89,7 +89,10 @@ def show_robots(visit: Visit) -> Response:
 
 
 def show_robot(visit: Visit) -> Response:
-    """Web page of one robot."""
+    """Web page of one robot, with its deployments that the visitor may see.
+
+    Raises ResourceNotFoundException if the visitor may see no such robot.
+    """
     robot = visit.find(ROBOT, visit.request.path_params["id"])
     document = RobotDocument.of(robot)
     last = visit.service.catalog.get_many(filter(None, [document.last_deployment_job, document.installed_by]))
@@ -99,7 +102,10 @@ def show_robot(visit: Visit) -> Response:
 
 
 def show_deployment(visit: Visit) -> Response:
-    """Web page of one deployment to robots."""
+    """Web page of one deployment to robots.
+
+    Raises ResourceNotFoundException if the visitor may see no such deployment.
+    """
     job = visit.find(DEPLOYMENT, visit.request.path_params["id"])
     return visit.page("deployment.html.j2", **_shown(job, visit))
 

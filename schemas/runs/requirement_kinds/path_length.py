@@ -51,7 +51,7 @@ class PathLengthRule(Rule[PathLengthRequirement]):
     _goal: GoalRule | None = None
 
     def follow(self, before: Sequence[Rule[Any]]) -> None:
-        """Finds the rule of the goal whose path is judged."""
+        """Finds the rule of the goal whose path is judged, among the rules before this one."""
         self._goal = goal_named(self.asked.goal, before)
 
     def bind(self, scene: Scene) -> Look:

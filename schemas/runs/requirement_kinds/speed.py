@@ -63,7 +63,7 @@ class SpeedRule(Rule[SpeedRequirement]):
         self._last = (time_s, here)
 
     def add_metrics(self, metrics: dict[str, float]) -> None:
-        """Adds the highest speed to the run's metrics."""
+        """Adds the highest speed in m/s to the run's metrics, if one was measured."""
         if self.fastest_mps is not None:
             metrics["max_speed_mps"] = max(metrics.get("max_speed_mps", 0.0), round(self.fastest_mps, 6))
 

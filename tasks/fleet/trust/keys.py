@@ -176,7 +176,7 @@ class Machine:
             raise ConfigurationError(f"{path} is no root of a repository: {error}") from error
 
     def note_root(self, content: bytes) -> None:
-        """Stores a newer TUF root as seen."""
+        """Stores a newer TUF root as seen by this machine, in the place of the last one."""
         write_private(self.folder / _ROOT, content, replace=True)
 
     def seen(self) -> int:

@@ -206,7 +206,7 @@ def draw_shared_plan(
 
 
 def draw_on_ground(frame: Frame, title: str, *content: Markup) -> Markup:
-    """Draws something on empty ground, with a scale bar."""
+    """Draws SVG content on empty ground, with a title and a scale bar."""
     return _plan(frame, title, *content)
 
 

@@ -118,7 +118,7 @@ class PairView:
 
     @property
     def sides(self) -> tuple[SideView, SideView]:
-        """Both jobs, the first one first."""
+        """The two sides of a card, that of the first run's job first."""
         return self.before, self.after
 
 

@@ -185,7 +185,7 @@ def _widened(marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _finished(seen: Array, glass: Array, scale: float | None) -> Array:
-    """Colours as eyes see them."""
+    """Returns the colours of a picture as eyes see them."""
     seen = seen if scale is None else seen * scale
     seen = seen * (1 - 0.16 * glass[:, None]) + 0.05 * glass[:, None]
     if scale is None:
