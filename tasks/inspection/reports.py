@@ -129,10 +129,7 @@ def rebuild_report(
 
 
 def _gathered(record: RunRecord, service: Service) -> tuple[Report, list[JobRecord], ResultTable]:
-    """Returns a run's report from stored data, the records of its jobs, and the table of results.
-
-    The table, and why jobs failed, are written into the run's folder.
-    """
+    """Returns a run's report, its jobs' records and the table of results; writes the table and why jobs failed."""
     report = report_of(record, service)
     places = places_of(report.jobs, service)
     jobs = job_records(report.jobs, places, service)
