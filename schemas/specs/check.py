@@ -353,7 +353,10 @@ class _Check:
         return found
 
     def _order(self, steps: Mapping[str, CheckedStep]) -> tuple[str, ...]:
-        """Returns the steps, each after those it needs, otherwise in file order."""
+        """Returns the steps, each after those it needs, otherwise in file order; empty if there are problems.
+
+        Steps that wait for each other are reported.
+        """
         graph = {name: [each for each in step.needs if each in steps] for name, step in steps.items()}
         for circle in circles(graph):
             message = (

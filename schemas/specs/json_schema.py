@@ -164,7 +164,7 @@ def _written_out(schema: dict[str, Any]) -> dict[str, Any]:
 
 
 def _allow_body(definitions: dict[str, Any]) -> None:
-    """Allows a template body as a mapping, and describes its content."""
+    """Changes definitions of a JSON schema: a template body may be a mapping, whose content is described."""
     for operation in STEPS.values():
         properties = definitions[operation.request.__name__].get("properties", {})
         if "templateBody" in properties:

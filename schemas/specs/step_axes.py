@@ -221,14 +221,14 @@ def _check_length(value: Scalar) -> None:
 
 
 def _check_truth(values: Sequence[Scalar]) -> None:
-    """Refuses true beside 1, and false beside 0, which are equal in Python: one would exclude the other."""
+    """Raises ValueError for true beside 1, or false beside 0: Python takes them for equal."""
     for value in values:
         if isinstance(value, bool) and any(other == value and not isinstance(other, bool) for other in values):
             raise ValueError(f"{tag_value(value)} and {int(value)} are taken for each other; write one of them")
 
 
 def _key(value: Scalar) -> str:
-    """A text that is the same for values by which cells could not be told apart."""
+    """Returns a text that is the same for values by which cells could not be told apart, such as 1 and 1.0."""
     return (
         tag_value(float(value)) if isinstance(value, int | float) and not isinstance(value, bool) else tag_value(value)
     )
@@ -241,7 +241,7 @@ def _axis_problems(name: str, error: ValueError) -> list[RequestProblem]:
 
 
 def _about_kind(problem: RequestProblem) -> RequestProblem:
-    """A problem of the construct; of a kind it says why there is none."""
+    """Returns a problem of a step's axes; one about a `kind` says instead that axes of a step have none."""
     if problem.about_key and problem.location[:1] == (AXES,) and problem.location[2:] == ("kind",):
         name = problem.location[1]
         words = f"axes of a step have no kind: what it varies is where ${{{{ {name} }}}} stands in value; leave it out"

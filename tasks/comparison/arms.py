@@ -121,7 +121,7 @@ class _Axis:
         return [self._share(name, found) for name, found in groups]
 
     def compared(self) -> Iterator[_Arm]:
-        """The first value against each other one that has pairs with it."""
+        """Yields the comparisons of an axis's first value with each other one that has pairs with it."""
         values = [] if self._is_sample_of_worlds else self.values
         for value in values[1 : MOST_COMPARED + 1]:
             arm = self._arm(values[0], value)

@@ -103,7 +103,7 @@ def compare(
 
 
 def judged_pairs(before: NightRun, after: NightRun, alpha: float = 0.05) -> JudgedTrials:
-    """Returns the pairs of trials that were judged by the same requirements in two runs."""
+    """Returns the pairs of trials that were judged in both of two runs, and by the same requirements."""
     pairing = pair_jobs(before.jobs, after.jobs)
     _, fair = _fair(pairing, pair_trials(pairing.pairs, before, after))
     return _judged(fair.only(fair.judged), alpha)

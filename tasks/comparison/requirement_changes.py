@@ -135,7 +135,7 @@ def _only_told_when_missed(
 
 
 def _spread(which: NDArray[np.bool_], jobs: NDArray[np.int64]) -> list[int]:
-    """Selects some trials: one of each job before a second one of any."""
+    """Returns the indices of some selected trials: one of each job before a second one of any, up to a number."""
     found = np.flatnonzero(which)
     _, first = np.unique(jobs[found], return_index=True)
     rest = np.setdiff1d(np.arange(len(found)), first)

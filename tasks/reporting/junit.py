@@ -127,7 +127,7 @@ def _is_error(job: JobCase) -> bool:
 
 
 def _lines(job: JobCase, pages: ConsolePages) -> Iterator[str]:
-    """Yields the facts about a job for people, one per line."""
+    """Yields the facts about a job for people, one per line: its facts, requirements, remarks and metrics."""
     yield from (f"{name}: {value}" for name, value in _facts(job, pages))
     for item in job.requirements:
         word = "ERROR" if item.error is not None else "PASS" if item.satisfied else "FAIL"
@@ -137,7 +137,7 @@ def _lines(job: JobCase, pages: ConsolePages) -> Iterator[str]:
 
 
 def _told(tag: str, kind: str, reason: str) -> ElementTree.Element:
-    """Makes an element whose message is the first line of a reason, and whose text is the whole reason."""
+    """Makes a JUnit element whose message is the cut first line of a reason, and whose text is the whole reason."""
     first = (reason.splitlines() or [""])[0]
     message = first if len(first) <= _MAX_MESSAGE else f"{first[: _MAX_MESSAGE - 1]}…"
     element = _element(tag, type=kind, message=message)

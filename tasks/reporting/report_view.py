@@ -268,7 +268,7 @@ def _view_job(job: ReportedJob, index: int, worlds: Mapping[str, WorldView], bud
 
 
 def _missed(job: ReportedJob) -> list[str]:
-    """Returns the names of the requirements that determined the verdict."""
+    """Returns the names of the requirements that determined a job's verdict; empty if it passed or has no result."""
     if job.result is None or job.result.verdict not in ("FAIL", "ERROR"):
         return []
     return [item.name.replace("_", " ") for item in job.result.requirements if item.counts and not item.satisfied]

@@ -102,7 +102,7 @@ def draw_trajectory(result: RunResult, frame: Frame) -> tuple[Markup, Markup]:
 
 
 def draw_drive(path: Sequence[PathPoint], frame: Frame) -> Markup:
-    """Draws the path so far of a running simulation, with its start and the robot's position."""
+    """Draws the path so far of a running simulation, with its start and the robot's position; empty without a path."""
     path = [(t, x, y) for t, x, y in path if _drawable(x, y)]
     if not path:
         return Markup()
