@@ -350,7 +350,7 @@ class PipelineRun:
         return last.status not in BAD_ENDS
 
     def _run_parts(self, name: str, parts: Sequence[Part]) -> StepRecord:
-        """Runs the parts of a step in turn until one fails, and skips the rest; returns the last one's record."""
+        """Runs the parts of a step until one fails, and skips the rest; returns the record of the last that ran."""
         earlier, progress = EarlierParts(), Progress({}, 0)
 
         def watch(told: Progress) -> None:

@@ -212,7 +212,7 @@ class ExpressionRule(Rule[ExpressionRequirement]):
         return None
 
     def remark(self) -> str | None:
-        """Returns a note about conditions that were never true, so that nothing was tested; `None` if all were."""
+        """Returns a note about conditions that were never true, so that nothing was tested; else `None`."""
         if self.error is not None or self._found is None or not self._found.idle:
             return None
         never = ", ".join(in_words(each) for each in self._found.idle)
