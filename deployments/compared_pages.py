@@ -188,7 +188,7 @@ def _drive(job: JobRecord, service: Service, is_seen: Callable[[JobRecord], bool
 
 
 def _title(run: RunRecord, changed: Sequence[ChangedInput], is_first: bool) -> str:
-    """Returns the name of a run in legends: when it began, and what tells it from the other one."""
+    """Returns the name of a run in legends: when it began, and parameters or commits that tell it from the other."""
     values = [
         f"{each.name}={'none' if (value := each.before if is_first else each.after) is None else value}"
         for each in changed

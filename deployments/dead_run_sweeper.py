@@ -63,7 +63,10 @@ def leftover_limits(batches: Collection[str], service: Service) -> list[str]:
 
 
 def remove_leftover_limits(client: SyncPrefectClient, settings: Settings) -> list[str]:
-    """Deletes Prefect concurrency limits of finished batches; returns their names."""
+    """Deletes Prefect's concurrency limits of batches that have ended, logs that, and returns the deleted names.
+
+    A limit that another process deleted meanwhile is not among them.
+    """
     if not (batches := batches_with_limits(client)):
         return []
     with Service.opened(settings) as service:
@@ -97,7 +100,7 @@ class RecordedEnds:
         self._answers: dict[UUID, tuple[float, State[Any] | None]] = {}
 
     def end_of(self, run: FlowRun) -> State[Any] | None:
-        """Returns the state in which a flow run really ended; `None` if unknown in this data home."""
+        """Returns the state in which a flow run really ended; `None` if unknown in this data home. Cached."""
         now_s = time.monotonic()
         self._answers = {each: (at_s, end) for each, (at_s, end) in self._answers.items() if now_s - at_s < _FRESH_S}
         if run.id not in self._answers:
@@ -113,7 +116,7 @@ class RecordedEnds:
             return None
 
     def _end_of_run(self, run: FlowRun) -> State[Any] | None:
-        """Returns the end state of a run of a specification, if this flow run wrote the run's record; else `None`."""
+        """Returns the end state of a specification's flow run, from the record that it wrote; `None` if it has none."""
         began = run.start_time or run.created
         for path in (self._settings.home / "runs").glob(f"*/{RECORD_NAME}"):
             with suppress(OSError):
@@ -226,7 +229,10 @@ class _Pace:
         return datetime.fromtimestamp(self._looked_at_s - _CLOCKS_S, UTC)
 
     def is_due(self, is_open: bool) -> bool:
-        """Returns whether to sweep dead flow runs now, and records that."""
+        """Returns whether dead flow runs are to be swept now; if so, the time is noted as that of the last sweep.
+
+        After this machine has slept, the time since which the server answers begins anew.
+        """
         now_s = time.monotonic()
         if time.time() - self._looked_at_s > UNHEARD_S - SILENCE_S:
             self._answers_since_s = now_s  # it slept, and may have slept together with those it judges

@@ -93,7 +93,10 @@ def _collect(
 
 
 def _shrink(path: Path, told: GcFlowRuns, *, is_open: bool, act: bool) -> GcFlowRuns:
-    """Frees the unused disk space of Prefect's database, if that is worth it."""
+    """Frees the unused disk space of Prefect's database (SQLite) if it is much, or only measures it if `act` is false.
+
+    Returns the given answer with the size of the database and the freed space, in bytes.
+    """
     before = measure_database(path)
     if before.free_bytes < WORTH_BYTES:
         return told.model_copy(update={"database_bytes": before.size_bytes})
@@ -122,7 +125,10 @@ def _filters(policy: RetentionPolicy, before: datetime) -> dict[str, Any]:
 
 
 def _remove(client: Any, chosen: dict[str, Any]) -> None:
-    """Deletes flow runs page by page: artifacts first, which could not be found without their flow runs."""
+    """Deletes the chosen flow runs page by page, and before them their artifacts, which could not be found afterwards.
+
+    Raises an error if the server refuses a page; those before it stay deleted.
+    """
     from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterId
 
     while runs := client.read_flow_runs(**chosen, limit=_PAGE):

@@ -120,7 +120,10 @@ class Guard:
         self._application = application
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Serves a request, a WebSocket, or the server's start and end."""
+        """Serves a request, a WebSocket, or the server's start and end, but refuses what pages of other sites send.
+
+        A refused request gets an error response; a refused WebSocket is closed before it is accepted.
+        """
         if scope["type"] not in ("http", "websocket"):
             await self._application(scope, receive, send)
             return

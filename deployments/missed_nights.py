@@ -77,7 +77,10 @@ def look_for_missed_nights(settings: Settings, now: datetime | None = None) -> N
 
 
 def without_worker(settings: Settings) -> list[tuple[str, str]]:
-    """Lists specifications that are scheduled in a work pool without a Prefect worker."""
+    """Lists specifications that are scheduled in a work pool without a ready Prefect worker, each with the pool's name.
+
+    Deployments that were deleted are left out.
+    """
     found: list[tuple[str, str]] = []
     with asking_once() as client:
         for schedule in schedules_of(settings.home):

@@ -128,7 +128,7 @@ def shrink_database(path: Path) -> None:
 
 
 def _apply_steps(path: Path) -> None:
-    """Applies Prefect's migrations for SQLite as its `_migrations/env.py` does, and leaves one file."""
+    """Applies Prefect's migrations to its SQLite database as its `_migrations/env.py` does, and leaves one file."""
     import sqlalchemy
     from alembic.runtime.environment import EnvironmentContext
     from alembic.script import ScriptDirectory

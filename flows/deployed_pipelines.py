@@ -48,7 +48,10 @@ def with_parameters(names: Iterable[str]) -> Flow[..., Any]:
 
 
 def __getattr__(name: str) -> Any:
-    """Makes the flow with the parameters of this process's flow run, if there is one (PEP 562)."""
+    """Makes the flow that runs a specification, with the parameters of this process's flow run if there is one.
+
+    It is created on import by name (PEP 562). Raises AttributeError for any other name.
+    """
     if name != RUN_PIPELINE:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return with_parameters(flow_run.parameters)

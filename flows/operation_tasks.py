@@ -103,7 +103,10 @@ def carry_out(operation: str, arn: str) -> Any:
 
 
 def _warn_of_environment(arn: str, service: Service) -> None:
-    """Logs a warning if a job was created for another environment; the caller who names it here decides."""
+    """Logs a warning if a job that may be continued here was created for another environment; it goes on all the same.
+
+    Nothing is logged if the catalog does not answer, or another process runs the job.
+    """
     with suppress(ServiceUnavailableException):
         ownership = service.catalog.ownerships([arn]).get(arn)
         if ownership is None or (ownership.is_held and not died_here(ownership.owner or "")):

@@ -19,7 +19,10 @@ from .request_defaults import default_members, with_defaults_of
 
 
 def __getattr__(name: str) -> Flow[..., Any]:
-    """Creates the flow of a name; the module keeps it."""
+    """Creates the Prefect flow of an API operation, or of carrying out its jobs; the module keeps it (PEP 562).
+
+    Raises AttributeError if no operation has that name.
+    """
     if name in OPERATIONS:
         made = _operation_flow(OPERATIONS[name])
     elif makers := [entry.name for entry in registry().values() if entry.run_job and entry.perform_name == name]:

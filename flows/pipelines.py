@@ -237,7 +237,11 @@ class PipelineRun:
         return cls(WantedRun(checked, origin, command, reuse=reuse), service, _log)
 
     def run(self) -> RunRecord:
-        """Runs all steps; a failed step prevents the later ones."""
+        """Runs all steps of a specification and returns the run's record; steps after a failed one are skipped.
+
+        The report and the record are written in any case, also if the run is interrupted, whose exception is raised
+        again.
+        """
         failed = False
         self._keep_order()
         try:
@@ -269,7 +273,10 @@ class PipelineRun:
         return self._open.order.interruptions if self._open is not None else ()
 
     def _keep_order(self) -> None:
-        """Stores what another process needs to complete the run if this one dies; not done for a probe."""
+        """Stores what another process needs to complete the run if this one dies; nothing for a probe.
+
+        A run that was cancelled meanwhile is marked so.
+        """
         if self._wanted.is_probe:
             return
         self._open = keep_order(
@@ -326,7 +333,10 @@ class PipelineRun:
         return result_of(self.record())
 
     def _run_step(self, name: str) -> bool:
-        """Runs a step; returns whether the next one may start."""
+        """Runs a step, and tells the listener of its start and end; returns whether the next one may start.
+
+        An error of the step is recorded, not raised.
+        """
         step, began = self._checked.steps[name], self._service.clock()
         self._listener(StepStarted(name, step.operation))
         try:
@@ -342,7 +352,7 @@ class PipelineRun:
         return last.status not in BAD_ENDS
 
     def _run_parts(self, name: str, parts: Sequence[Part]) -> StepRecord:
-        """Runs the parts of a step one after the other until one fails; returns the record of the last."""
+        """Runs the parts of a step until one fails, and skips the rest; returns the record of the last that ran."""
         earlier, progress = EarlierParts(), Progress({}, 0)
 
         def watch(told: Progress) -> None:
@@ -365,7 +375,10 @@ class PipelineRun:
         return ended[-1]
 
     def _run_part(self, name: str, part: Part, watch: Callable[[Progress], None]) -> StepRecord:
-        """Runs one part of a step (most steps have one); returns its record."""
+        """Runs one part of a step (most steps have one), and returns its record, also if it failed.
+
+        An interruption is recorded, too, and raised again.
+        """
         started_at = self._service.clock()
         self._outputs.pop(name, None)  # of the part before
         try:
@@ -385,7 +398,7 @@ class PipelineRun:
     def _note_end(
         self, name: str, part: Part, started_at: datetime, status: str, output: dict[str, Any], error: str | None
     ) -> StepRecord:
-        """Records the end of a step, or of a part of it."""
+        """Records the end of a step, or of a part of it, and keeps its output for later steps; returns the record."""
         self._outputs[name] = output
         record = StepRecord(
             name=part.name(name),
@@ -408,7 +421,10 @@ class PipelineRun:
         return output
 
     def _call(self, name: str, part: Part, watch: Callable[[Progress], None]) -> dict[str, Any]:
-        """Calls a step's operation for a part of its request; if it creates a job, runs the job to completion."""
+        """Calls a step's operation for a part of its request; if it creates a job, runs the job to completion.
+
+        Returns the answer of the operation, or the final description of the job.
+        """
         step = self._checked.steps[name]
         entry = step_registry()[step.operation]
         service = self._service.ordered_by(
@@ -433,7 +449,7 @@ class PipelineRun:
                 return answer
 
     def _outlasting(self, call: Callable[[], Result]) -> Result:
-        """Repeats a call until the catalog answers, or the run has to end."""
+        """Returns the result of a call that is repeated until the catalog answers, or the run has to end."""
         pause_s = self._service.timing.after_outage_s
         wait = CatalogWait(self.run_id, self._service.catalog.count, lambda: self._is_canceled, pause_s)
         return wait.outlasting(call)
@@ -446,7 +462,7 @@ class PipelineRun:
         return StepRecord(name=name, operation=operation, status="Skipped")
 
     def _finish(self) -> RunRecord:
-        """Writes the report and the record in any case; nothing if this process was orphaned and ends."""
+        """Writes the run's report and record, and returns the record; writes nothing if this process was orphaned."""
         wait_if_ending()
         early = self._early
         return finish_run(

@@ -21,7 +21,10 @@ from .wire.base import Model
 
 
 def _read_day(value: object) -> object:
-    """Reads a day that is written as in ISO 8601; the models take no text for a date by themselves."""
+    """Reads a day that is written as in ISO 8601, or returns a date as it is; the models take no text for a date.
+
+    Raises ValueError for anything else.
+    """
     try:
         return value if isinstance(value, date) else date.fromisoformat(value if isinstance(value, str) else "")
     except ValueError:
@@ -61,7 +64,7 @@ class KnownFailure(Model):
         return f"{self.owner} until {self.until}{f': {self.why}' if self.why else ''}"
 
     def is_about(self, names: Iterable[str]) -> bool:
-        """Returns whether it is about a job of these names."""
+        """Returns whether a known failure is about a job that has any of these names."""
         return any(fnmatchcase(name, self.match.job) for name in names)
 
     def covers(self, names: Iterable[str], requirement: str) -> bool:

@@ -109,7 +109,7 @@ class RolesFile(Model):
 
 
 def find_role(roles: Sequence[Role], arn: str) -> Role | None:
-    """Finds the role for a role ARN: by its full name, else by the longest matching prefix; its own account first."""
+    """Finds the role for a role ARN: by its full name, else by the longest matching prefix; `None` if none matches."""
     return max((role for role in roles if role.means(arn)), key=_closeness, default=None)
 
 

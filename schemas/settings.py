@@ -259,7 +259,10 @@ def max_worlds_per_job(environ: Mapping[str, str]) -> int:
 
 
 def _given(name: str, field: FieldInfo, environ: Mapping[str, str]) -> Any:
-    """Reads a setting from its variable; `None` if the variable is not set or empty."""
+    """Reads a setting from its environment variable; `None` if the variable is not set or empty.
+
+    Raises an error that names the variable if its value does not fit the setting.
+    """
     variable = f"{_PREFIX}{name.upper()}"
     if not (given := environ.get(variable)):
         return None

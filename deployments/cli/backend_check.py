@@ -55,7 +55,7 @@ def _tell(note: str) -> None:
 
 
 def _request(service: Any) -> dict[str, Any]:
-    """Makes the request for a batch of one small job; creates its applications if necessary."""
+    """Makes the request for a batch of one small job; creates its robot and simulation applications if missing."""
     from ...tasks.operations.existing_resources import reuse_application
     from ...tasks.operations.registry import call
 

@@ -20,7 +20,7 @@ _MAX_RUNS = 50
 
 
 def complete(parser: argparse.ArgumentParser) -> None:
-    """Prints the completions for a half-typed command line to the shell, and ends the program."""
+    """Prints the completions for a half-typed command line to the shell and ends the program; else it returns."""
     for action in _actions(parser):
         if (completer := _COMPLETERS.get(str(action.metavar))) is not None:
             setattr(action, "completer", completer)  # noqa: B010 - argcomplete's convention, unknown to argparse's types

@@ -113,7 +113,7 @@ def _examined(subject: str, check: Callable[[], Finding]) -> Finding:
 
 
 def check_python() -> Finding:
-    """Checks the version of Python."""
+    """Checks the version of Python; broken if it is not 3.11 or 3.12."""
     version = ".".join(map(str, sys.version_info[:3]))
     if sys.version_info[:2] in ((3, 11), (3, 12)):
         return Finding("python", "ok", f"{version} ({sys.executable}), {os.cpu_count()} processors")
@@ -121,7 +121,7 @@ def check_python() -> Finding:
 
 
 def check_packages() -> Finding:
-    """Checks that required packages are installed in working versions."""
+    """Checks that required packages are installed in working versions; broken if one is missing or does not fit."""
     from importlib.metadata import PackageNotFoundError, requires, version
 
     from packaging.requirements import Requirement
@@ -160,7 +160,7 @@ def _version_of(package: str) -> str | None:
 
 
 def check_physics() -> Finding:
-    """Checks in a child process that MuJoCo and dm_control can simulate."""
+    """Checks in a child process that MuJoCo and dm_control can simulate, and waits for it for 60 s at most."""
     answer = subprocess.run(
         [sys.executable, "-c", _FALLING_BALL],
         env={**os.environ, "MUJOCO_GL": "off"},
@@ -230,7 +230,7 @@ def _used_in_words(home: Path, until_s: float) -> str:
 
 
 def check_catalog(settings: Settings) -> Finding:
-    """Checks that the catalog's database can be opened."""
+    """Checks that the catalog's database can be opened; an error of it is raised, not returned."""
     from ...tasks.service.service import Service
 
     Service.open(settings).catalog.close()
@@ -239,7 +239,10 @@ def check_catalog(settings: Settings) -> Finding:
 
 
 def check_store(settings: Settings) -> Finding:
-    """Checks that objects can be written, read and deleted in the object store."""
+    """Checks that objects can be written, read and deleted in the object store; creates its bucket if that is missing.
+
+    An error of the store is raised, not returned.
+    """
     from ...tasks.storage import open_store
 
     store = open_store(settings, os.environ)
@@ -256,7 +259,10 @@ def check_store(settings: Settings) -> Finding:
 
 
 def check_roles(settings: Settings) -> Finding:
-    """Checks the roles file, which gives simulation jobs their access rights."""
+    """Checks the roles file, which gives simulation jobs their access rights; a warning if a role lacks credentials.
+
+    Raises an error if the file cannot be read; without a roles file all is well.
+    """
     from ...tasks.storage.roles import read_roles_file
 
     if settings.roles_file is None:
@@ -274,7 +280,7 @@ def check_roles(settings: Settings) -> Finding:
 
 
 def check_server(settings: Settings) -> Finding:
-    """Checks the Prefect server that runs on this machine would use."""
+    """Checks the Prefect server that runs on this machine would use; broken if a configured one does not answer."""
     status = server_status(settings)
     if status.configured_elsewhere and not status.running:
         remedy = "start that server, or unset PREFECT_API_URL to use a local one"
@@ -283,7 +289,7 @@ def check_server(settings: Settings) -> Finding:
 
 
 def check_video() -> Finding:
-    """Checks which backends can render videos."""
+    """Checks which backends can render videos; a warning if only the slow one that needs no packages can."""
     from ...tasks.runtime.rendering.backends import available_video_backends
 
     backends = available_video_backends()
@@ -298,7 +304,7 @@ def check_video() -> Finding:
 
 
 def check_extras() -> Finding:
-    """Checks facilities that only some jobs need: container engine, ROS, GPU."""
+    """Tells which facilities that only some jobs need are here (container engine, ROS, GPU); always `ok`."""
     from ...tasks.simulations.containers.engines import find_engine
     from ...tasks.simulations.environment.run_environment import has_gpu
 
@@ -313,7 +319,7 @@ def check_extras() -> Finding:
 
 
 def check_containers(settings: Settings) -> Finding:
-    """Checks for containers left behind by job workers that died."""
+    """Checks for containers left behind by job workers that died; warns of their runs, and removes nothing."""
     from ...tasks.jobs.job_folders import abandoned_runs
     from ...tasks.service.service import Service
 
@@ -326,7 +332,7 @@ def check_containers(settings: Settings) -> Finding:
 
 
 def check_sandbox(settings: Settings) -> Finding:
-    """Checks whether simulation jobs can be sandboxed on this machine."""
+    """Checks in a child process whether simulation jobs can be sandboxed on this machine; a warning if not fully."""
     from ...tasks.runtime.sandbox.levels import Confinement
     from ...tasks.runtime.supervision.run_requests import plan_box
 
@@ -354,7 +360,7 @@ def check_sandbox(settings: Settings) -> Finding:
 
 
 def check_left_behind(settings: Settings) -> Finding:
-    """Checks for folders and limits left behind by processes that died."""
+    """Checks for folders and limits left behind by processes that died; warns of each, and removes nothing."""
     from ...tasks.jobs.job_folders import overtaken_runs
     from ...tasks.runtime.process.rehearsal_rooms import left_rooms
     from ...tasks.service.service import Service
@@ -375,7 +381,7 @@ def check_left_behind(settings: Settings) -> Finding:
 
 
 def check_kept_outputs(settings: Settings) -> Finding:
-    """Checks for outputs on this machine that could not be uploaded."""
+    """Checks for outputs that could not be uploaded and are on this machine only; names their folders in a warning."""
     from ...tasks.jobs.job_folders import find_kept
     from ...tasks.service.service import Service
 
@@ -438,7 +444,11 @@ def check_broken_off(settings: Settings) -> Finding:
 
 
 def check_nights(settings: Settings) -> Finding:
-    """Checks whether the scheduled runs of the last week happened, and whether the next ones can."""
+    """Checks whether the scheduled runs of the last week happened, and whether the next ones can.
+
+    It is broken if the Prefect server does not run. Sets the server's variables in this process's environment, and
+    sends notifications of nights that were newly found missed.
+    """
     from ...tasks.nights.missed_nights import schedules_of
 
     status = server_status(settings)
@@ -468,7 +478,7 @@ def check_nights(settings: Settings) -> Finding:
 
 
 def check_notifications(settings: Settings, *, notify: bool) -> Finding:
-    """Checks the notification channels, by a test message if asked."""
+    """Checks the notification channels, by a test message if `notify` is true; broken if none or a wrong one is set."""
     from ...tasks.notifications.notification_texts import Message
     from ...tasks.notifications.sending import send, unknown_channels
 

@@ -51,7 +51,7 @@ class Command(NamedTuple):
     """First paragraph of the command's own help."""
 
     def load(self) -> CommandModule:
-        """Imports the module of a command."""
+        """Imports and returns the module of a command of `robomaker`."""
         return cast("CommandModule", importlib.import_module(self.module))
 
 
@@ -135,7 +135,7 @@ class Parser(argparse.ArgumentParser):
     def parse_known_args(  # pyright: ignore[reportIncompatibleMethodOverride] - argparse overloads it
         self, args: Iterable[str] | None = None, namespace: Any = None
     ) -> Any:
-        """Parses command line arguments; unknown ones are an error at once."""
+        """Parses command line arguments; ends the program with exit code 2 if one is unknown or empty."""
         chosen, unknown = super().parse_known_args(args, namespace)
         if unknown:
             self.error(f"unrecognized arguments: {' '.join(unknown)}{self._advice(unknown[0])}")
@@ -179,7 +179,7 @@ class CommandParser(Parser):
         _add_debug(self)
 
     def declare(self) -> None:
-        """Imports the command's module and adds its arguments, once."""
+        """Imports the command's module and adds its arguments or its subcommands; a second call does nothing."""
         if self._is_declared:
             return
         self._is_declared = True

@@ -76,7 +76,7 @@ def _run_of(arn: str, service: "Service") -> "OpenRun | None":
 
 
 def _finish(run: "OpenRun", settings: Settings) -> None:
-    """Resumes an interrupted run, and reports the result on standard error."""
+    """Carries an interrupted run to its end, and prints on standard error that it begins and how it ended."""
     from ...flows.pipelines import run_spec
     from ...schemas.reports.progress import Note
     from ...tasks.nights.run_orders import ordered_run
@@ -111,7 +111,7 @@ def order(operation: str, request: Mapping[str, Any], settings: Settings, form: 
 
 
 def _warn_on_stderr() -> None:
-    """Prints this package's warnings, such as of a dead Prefect server, which Prefect's logging setup would hide."""
+    """Prints this package's warnings, such as of a dead Prefect server, on standard error and nowhere else."""
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(logging.Formatter("robomaker: %(message)s"))
     logger = logging.getLogger("prefect_robomaker")

@@ -61,7 +61,10 @@ def _executed(words: Sequence[str]) -> int:
 
 
 def _interrupted(interruption: KeyboardInterrupt) -> int:
-    """Prints that the command was interrupted; returns the exit code, or ends the process by the signal."""
+    """Prints that the command was interrupted, and returns the exit code of an interruption by Ctrl-C.
+
+    After another signal it does not return: the process ends by that signal.
+    """
     with suppress(OSError):  # the terminal may be gone
         sys.stderr.write("\nrobomaker: interrupted\n")
         sys.stderr.flush()
@@ -93,7 +96,7 @@ def _execute(words: Sequence[str]) -> int:
 
 
 def _warn_of_misspelt_settings() -> None:
-    """Prints each environment variable that resembles a setting and is none: nothing else would ever read it."""
+    """Prints on standard error each environment variable that resembles a setting and is none, as it has no effect."""
     from ...schemas.settings import misspelt_settings
 
     for name, setting in misspelt_settings(os.environ).items():
@@ -101,7 +104,10 @@ def _warn_of_misspelt_settings() -> None:
 
 
 def _report(error: Exception, *, debug: bool) -> int:
-    """Prints the error that ended a command, and returns the exit code."""
+    """Prints the error that ended a command on standard error, and returns the exit code that belongs to it.
+
+    With `debug` the traceback is printed, too. An error that is none of the project's is called a defect.
+    """
     from ...schemas.wire.errors import RobomakerError, ServiceError, SpecError
 
     if debug:

@@ -103,7 +103,10 @@ def check_before_start(
 
 
 def run_beside_others(wanted: "WantedRun", settings: Settings, listener: ProgressListener) -> RunRecord:
-    """Runs a specification, and resumes interrupted runs meanwhile; see `run_spec`."""
+    """Runs a specification and returns its record; meanwhile runs that broke off are resumed in the background.
+
+    Before it begins, runs in Prefect whose processes died are closed. Errors are those of `run_spec`.
+    """
     from ...flows.pipelines import run_spec
     from ...tasks.nights.run_orders import tell_of_left
     from ...tasks.nights.taking_up import TakingUp
@@ -117,7 +120,7 @@ def run_beside_others(wanted: "WantedRun", settings: Settings, listener: Progres
 
 
 def _tell(record: RunRecord, command: Sequence[str], api_url: str | None, settings: Settings, *, as_json: bool) -> None:
-    """Prints the result of a run, with links to its pages on the Prefect server and in the console."""
+    """Prints the result of a run on standard output, as JSON or as a summary with links to its pages."""
     from ...tasks.causes.stored import read_why
     from ...tasks.reporting.causes import why_in_lines
     from ...tasks.reporting.console_pages import pages_here

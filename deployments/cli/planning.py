@@ -64,7 +64,7 @@ class PlannedStep:
 
 
 def planned(spec: CheckedSpec) -> list[PlannedStep]:
-    """Returns the steps of a specification in the order they would run."""
+    """Returns the steps of a specification in the order they would run, as if every world that they make succeeded."""
     outputs: dict[str, dict[str, Any]] = {}
     steps = []
     for name in spec.order:
@@ -181,7 +181,10 @@ def _trials_of_all(requests: Node, jobs: int | None) -> int | None:
 
 
 def _worlds(step: CheckedStep, jobs: int) -> set[str]:
-    """Returns names for the different worlds that a step's jobs use, equal for steps with the same worlds."""
+    """Returns names for the different worlds that a step's jobs use, equal for steps with the same worlds.
+
+    The names only tell worlds apart; they are those of no stored world.
+    """
     requests = child(step.input, "createSimulationJobRequests") or ListNode(step.place, (step.input,))
     written = [_world(each) for each in _written(requests)]
     if (axes := axes_of(requests)) is not None:
@@ -234,7 +237,10 @@ def _size(requests: Node, outputs: dict[str, dict[str, Any]]) -> tuple[int | Non
 
 
 def _size_of_axes(construct: MappingNode, outputs: dict[str, dict[str, Any]]) -> tuple[int | None, str]:
-    """The number of jobs of axes, with how it comes about: `12 simulation jobs: 6 cells of robot × world, 2 seeds`."""
+    """Returns the number of jobs of axes and a text: `12 simulation jobs: 6 cells of robot × world, 2 seeds each`.
+
+    The number is `None` if it is not known before the run.
+    """
     axes = child(construct, AXES)
     names = " × ".join(axes.entries) if isinstance(axes, MappingNode) else ""
     try:

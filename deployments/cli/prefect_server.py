@@ -62,7 +62,7 @@ def _use(url: str, settings: Settings) -> None:
 
 
 def _import_runs(url: str, settings: Settings) -> None:
-    """Imports Prefect and the code that runs jobs while a new server starts, as both take seconds."""
+    """Sets the server's variables, and imports Prefect and the code that runs jobs while a new server starts."""
     _use(url, settings)
     from ...flows import pipelines
 

@@ -78,7 +78,7 @@ class CpuTimes:
     _before_s: float = 0.0
 
     def __call__(self, event: ProgressEvent, /) -> None:
-        """Records the CPU time of a step from an event of the run."""
+        """Records the CPU time in seconds that a step's child processes took, and passes the event on."""
         if isinstance(event, StepStarted):
             self._before_s = _of_children_s()
         elif isinstance(event, StepEnded):

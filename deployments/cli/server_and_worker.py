@@ -30,7 +30,11 @@ if TYPE_CHECKING:
 
 
 def serve(arguments: argparse.Namespace) -> int:
-    """Runs the API server, web console and job worker until stopped."""
+    """Runs the API server, web console and job worker until a signal stops them; returns 0.
+
+    A Prefect server is started if jobs are executed here and none runs. Raises ConfigurationError if the port is
+    taken, or if others could reach the server and there are no access keys.
+    """
     settings = Settings.from_environment(os.environ)
     max_jobs = _max_jobs(arguments.max_jobs, settings)
     _log_to_stderr()
@@ -179,7 +183,7 @@ def _variables_of_jobs(arguments: argparse.Namespace) -> dict[str, str]:
 
 
 def _stop(worker: WorkerProcess) -> None:
-    """Stops the job worker; a second Ctrl-C kills it at once."""
+    """Stops the job worker, waits for it, and prints which jobs were interrupted; a second Ctrl-C kills it at once."""
     try:
         interrupted = worker.stop()
     except KeyboardInterrupt:
@@ -190,7 +194,7 @@ def _stop(worker: WorkerProcess) -> None:
 
 
 def _announce(facts: dict[str, Any], settings: Settings, *, signed: bool, form: str) -> None:
-    """Prints the endpoint's URL and instructions for using it."""
+    """Prints the endpoint's URL and the environment variables for using it, as text or JSON, on standard output."""
     region = settings.region
     variables = {"AWS_ENDPOINT_URL_ROBOMAKER": facts["url"], "AWS_REGION": region, "AWS_DEFAULT_REGION": region}
     if not signed:
@@ -226,7 +230,10 @@ def _max_jobs(given: int | None, settings: Settings) -> int:
 
 
 def _check_port(host: str, port: int) -> None:
-    """Raises an error if the server's port is taken, before anything is started."""
+    """Checks that the server's port is free, before anything is started.
+
+    Raises ConfigurationError if it is taken or is no number from 0 to 65535; 0 means any that is free.
+    """
     if not 0 <= port <= 65535:
         raise ConfigurationError(f"--port is {port}; it has to be a number from 1 to 65535, or 0 for any that is free")
     family = socket.AF_INET6 if ":" in host else socket.AF_INET

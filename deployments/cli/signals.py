@@ -24,7 +24,10 @@ class Terminated(KeyboardInterrupt):
 
 @contextmanager
 def interrupted_by_signals() -> Iterator[None]:
-    """Raises `Terminated` inside the `with` block on SIGTERM or SIGHUP, unless they are ignored."""
+    """Raises `Terminated` inside the `with` block on SIGTERM or SIGHUP, unless they are ignored.
+
+    The former handlers are set again at the end of the block.
+    """
     before = {number: signal.getsignal(number) for number in _NUMBERS}
     for number, handler in before.items():
         if handler is not signal.SIG_IGN:
@@ -37,7 +40,7 @@ def interrupted_by_signals() -> Iterator[None]:
 
 
 def die_of(number: int) -> NoReturn:
-    """Ends this process by a signal, so that its parent sees the cause."""
+    """Ends this process by a signal, so that its parent sees the cause; it does not return."""
     signal.signal(number, signal.SIG_DFL)
     os.kill(os.getpid(), number)
     os._exit(128 + number)  # where the signal is blocked

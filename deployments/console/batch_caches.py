@@ -58,7 +58,10 @@ class JobLines:
         self._kept: dict[str, Known] = {}
 
     def of(self, batch: str) -> Known:
-        """Returns the job rows of a batch; the same object if none has changed."""
+        """Returns the job rows of a batch, by the jobs' ARNs, and reads only jobs that changed since the last call.
+
+        If no job has changed, the very object of the last call is returned, so that `is` tells it.
+        """
         revisions = self._catalog.child_revisions(batch, JOB)
         kept = self._kept.get(batch, {})
         changed = [arn for arn, revision in revisions.items() if arn not in kept or kept[arn][0].revision != revision]

@@ -158,14 +158,20 @@ def show_all(visit: Visit) -> Response:
 
 
 def show(visit: Visit) -> Response:
-    """Web page of one batch."""
+    """Web page of one batch of simulation jobs.
+
+    Raises ResourceNotFoundException if the visitor may see no such batch.
+    """
     batch = visit.find(BATCH, visit.request.path_params["id"], ())
     view = _view(batch, visit)
     return visit.page("batch.html.j2", **_parts_of(view, visit))
 
 
 def follow(visit: Visit) -> Response:
-    """Streams changes of a batch's web page to the browser."""
+    """Streams changed parts of a batch's web page to the browser, until the batch has ended or the session expires.
+
+    Raises ResourceNotFoundException if the visitor may see no such batch.
+    """
     batch_id = visit.request.path_params["id"]
     visit.find(BATCH, batch_id, ())
     shown: dict[int, str] = {}

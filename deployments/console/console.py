@@ -159,7 +159,7 @@ def _pattern(path: str) -> re.Pattern[str]:
 
 
 def _sample(path: str) -> str:
-    """Returns a path that matches a URL pattern."""
+    """Returns a path that matches a URL pattern of a console page, with an example for each of its parameters."""
     return re.sub(r"{\w+:?(\w*)}", lambda found: _SAMPLES.get(found[1], "x"), path)
 
 
@@ -233,7 +233,11 @@ class Console:
         self._context.streams.end()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Serves one HTTP request, or the server's start and end (ASGI)."""
+        """Serves one HTTP request of the web console (ASGI); hands all other requests on to the service's API.
+
+        Requests that come from another site or to a foreign host name, or that may not be answered, get an error
+        response instead of a page. Each request of the console is counted and logged.
+        """
         path = scope.get("path", "")
         if scope["type"] != "http" or not (path == HOME or path.startswith(f"{HOME}/")):
             await self._endpoint(scope, receive, send)
@@ -261,7 +265,10 @@ class Console:
 
     @contextmanager
     def _noted(self, request: ServiceRequest) -> Iterator[list[int]]:
-        """Counts and logs a request after the `with` block, with the HTTP status that the block adds to the list."""
+        """Counts and logs a console request after the `with` block, with the status that the block adds to the list.
+
+        A request whose block adds no status is not counted.
+        """
         began = time.perf_counter()
         # Streams last as long as somebody looks, and say nothing about how quick pages are.
         request.operation = "console-stream" if request.url.path.endswith("/live") else "console"
@@ -301,7 +308,7 @@ class Console:
 
 
 def answered(visit: Visit, page: Page) -> Response:
-    """Returns a page's response, or an error page."""
+    """Returns a console page's response, or an error page if the page raises any error."""
     try:
         return page(visit)
     except Exception as error:

@@ -115,7 +115,10 @@ def local_file(place: StoredPlace, name: str, service: Service) -> Iterator[Path
 
 
 def _local(bucket: str, key: str, service: Service) -> tuple[Path, bool]:
-    """Returns the object's own local file, or a downloaded copy, and whether it is a copy, which the caller deletes."""
+    """Returns the local file of a stored object, or a downloaded copy, and whether it is a copy.
+
+    The caller deletes a copy. If the download fails, nothing is left and the store's error is raised.
+    """
     path = service.store.local_path(bucket, key)
     if path is not None and path.is_file() and not path.is_symlink():
         return path, False

@@ -75,7 +75,7 @@ def look_of_status(kind: str, status: str) -> Look:
 
 
 def job_line(job: Resource) -> JobLine:
-    """Makes the web console's row of a simulation job."""
+    """Makes the web console's row of a simulation job: name, status, outcome, reason in one line, times in seconds."""
     document = JobInBrief.of(job)
     if is_terminal(JOB, job.status):
         outcome = classify(job.status, document.failure_code, document.verdict)

@@ -62,7 +62,10 @@ def show_all(visit: Visit) -> Response:
 
 
 def show(visit: Visit) -> Response:
-    """Web page of one simulation job."""
+    """Web page of one simulation job, whether it runs or has ended.
+
+    Raises ResourceNotFoundException if the visitor may see no such job.
+    """
     job = visit.find(JOB, visit.request.path_params["id"])
     document = SimulationJobDocument.of(job)
     has_ended = is_terminal(JOB, job.status)
@@ -114,7 +117,11 @@ def show(visit: Visit) -> Response:
 
 
 def follow(visit: Visit) -> Response:
-    """Streams status, path and log of a running job to the browser."""
+    """Streams status, path and log of a running job to the browser, which reloads the page when the job has ended.
+
+    The live view is offered to browsers on this machine only. Raises ResourceNotFoundException if the visitor may see
+    no such job.
+    """
     found = visit.find(JOB, visit.request.path_params["id"])
     arn = found.arn
     world = world_of(SimulationJobDocument.of(found), visit.service)
@@ -147,13 +154,19 @@ def follow(visit: Visit) -> Response:
 
 
 def send(visit: Visit) -> Response:
-    """Sends one of a job's output files to the browser."""
+    """Sends one of a job's output files to the browser.
+
+    Raises ResourceNotFoundException if the visitor may see no such job.
+    """
     job = visit.find(JOB, visit.request.path_params["id"])
     return send_file(SimulationJobDocument.of(job).outputs, visit.request.path_params["name"], visit.service)
 
 
 def _logs(place: StoredPlace | None, files: dict[str, int], timeline: JobTimeline, visit: Visit) -> list[Log]:
-    """Returns the ends of the logs of a job, or of the recorded trial that the time line shows."""
+    """Returns the ends of a job's logs, with the simulated times of their lines where these are recorded.
+
+    The list is empty if the job stored nothing. Logs of a recorded trial get no times, as it has none of its own.
+    """
     if place is None:
         return []
     of_trial = [name for name in files if name.startswith(f"{timeline.folder}logs/")]

@@ -71,7 +71,7 @@ _MOST_POINTS = 500
 
 
 def world_of(document: SimulationJobDocument, service: Service) -> WorldView | None:
-    """Returns the drawing of the world that a job drives in; `None` if there is none."""
+    """Returns the drawing of the world that a job drives in; `None` if it has none, or if none can be read or drawn."""
     arn = world_arn(document.request)
     if arn is None:
         return None
@@ -83,7 +83,7 @@ def world_of(document: SimulationJobDocument, service: Service) -> WorldView | N
 
 
 def open_plan(view: WorldView | None, job_id: str) -> Markup | None:
-    """Draws the floor plan on which a job's web page shows the robot's path."""
+    """Draws the floor plan on which a job's web page shows the robot's path; `None` if the world has no drawing."""
     if view is None or view.content is None or view.frame is None:
         return None
     title = f"Plan of {view.world.title} with the path of {job_id} so far"

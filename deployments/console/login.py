@@ -28,7 +28,7 @@ def visit_of(request: Request, context: Context) -> Visit | None:
 
 
 def ask(request: Request) -> Response:
-    """Redirects a visitor to the login page of the web console."""
+    """Redirects a visitor to the login page of the web console; forms and streams get status 403 instead."""
     if request.method != "GET" or request.url.path.endswith("/live"):
         return Response("log in first\n", 403, media_type="text/plain")
     wanted = request.url.path + (f"?{request.url.query}" if request.url.query else "")
@@ -36,7 +36,7 @@ def ask(request: Request) -> Response:
 
 
 def show_form(context: Context) -> Callable[[Request], Response]:
-    """Makes the web console's login page."""
+    """Makes the handler that shows the console's login page, or redirects a visitor who is logged in."""
 
     def show(request: Request) -> Response:
         to = own_address(request.query_params.get("to", ""))
@@ -48,7 +48,11 @@ def show_form(context: Context) -> Callable[[Request], Response]:
 
 
 def log_in(context: Context) -> Callable[[Request], Awaitable[Response]]:
-    """Makes the handler of the web console's login form, which checks the access key and starts a session."""
+    """Makes the handler of the web console's login form, which checks the access key and starts a session.
+
+    The handler sets the session's cookie and redirects to the page that was asked for. A wrong key gets status 403
+    and too many attempts 429, with the form again and a line in the log. Without sessions it only redirects.
+    """
 
     async def take(request: Request) -> Response:
         try:
@@ -78,7 +82,7 @@ def log_in(context: Context) -> Callable[[Request], Awaitable[Response]]:
 
 
 def log_out(visit: Visit) -> Response:
-    """Ends the visitor's session in the web console."""
+    """Ends the visitor's session in the web console, deletes its cookie, and redirects to the login page."""
     if visit.context.sessions is not None:
         visit.context.sessions.log_out(visit.request.cookies.get(cookie_name(visit.request)))
     response = RedirectResponse(f"{HOME}/login", 303)

@@ -55,7 +55,7 @@ def show(visit: Visit) -> Response:
 
 
 def follow(visit: Visit) -> Response:
-    """Streams changes of the overview page."""
+    """Streams changes of the overview page, its present state and its groups of failures, until the session expires."""
     parts, records = Parts(), SeenRecords(visit)
 
     def look() -> Iterator[tuple[str, Any]]:
@@ -106,7 +106,7 @@ _NAMED = (
 
 
 def _meant(wanted: str, visit: Visit) -> list[Resource]:
-    """Jobs and worlds that a name or the beginning of an id means."""
+    """Returns the jobs and worlds that a name or the beginning of an id means; empty if it means several runs."""
     if not wanted or wanted.startswith("arn:"):
         return []
     with suppress(ConfigurationError):  # of the beginning of several runs
@@ -115,7 +115,11 @@ def _meant(wanted: str, visit: Visit) -> list[Resource]:
 
 
 def find(visit: Visit) -> Response:
-    """Handles the search field: redirects to the match, or lists matches."""
+    """Handles the search field: redirects to the one match, or lists the matches, with status 404 if there is none.
+
+    It searches by id or ARN, then run id, then `tag=value`, then name; resources that the visitor may not see are no
+    matches.
+    """
     wanted = visit.parameter("q").strip()[:_MOST_CHARACTERS]
     catalog, service = visit.service.catalog, visit.service
     arns = [wanted] if wanted.startswith("arn:") else [service.arn(kind, wanted) for kind in (*FOLDERS, *_NAMED)]

@@ -52,7 +52,11 @@ def show_all(visit: Visit, going: Mapping[str, Standing]) -> Response:
 
 
 def show(visit: Visit) -> Response:
-    """Web page of one run: changes, batches, and jobs, failures first."""
+    """Web page of one run: changes, batches, and jobs, failures first; of a run that still goes on only its batches.
+
+    Raises ResourceNotFoundException if the visitor may see no such run, ConfigurationError if its record cannot be
+    read.
+    """
     run_id = visit.request.path_params["id"]
     batches = batches_of_run(run_id, visit)
     if batches and not is_known(run_id, visit):
@@ -105,7 +109,10 @@ def since_before(record: RunRecord, visit: Visit) -> SinceLastRun | None:
 
 
 def send_report(visit: Visit) -> Response:
-    """Sends the run's HTML report to the browser, isolated because it contains untrusted output."""
+    """Sends the run's HTML report to the browser, isolated because it contains untrusted output.
+
+    Raises ResourceNotFoundException if the visitor may see no such run, or if the run has no report.
+    """
     path = _path(visit).with_name("report.html")
     if not path.is_file():
         raise ResourceNotFoundException("the run has no report; `robomaker report` writes it")
@@ -146,7 +153,7 @@ def _latest(visit: Visit, most: int) -> list[RunRecord]:
 
 
 def sees_run(visit: Visit, record: RunRecord) -> bool:
-    """Whether a visitor may see a run."""
+    """Whether a visitor may see a run: if the visitor ordered it, or may see all its steps and jobs."""
     if visit.sees_all:
         return True
     standing = read_standing(_place(record.run_id, visit).parent)
@@ -247,14 +254,14 @@ def find_record(visit: Visit) -> RunRecord:
 
 @lru_cache(maxsize=16)
 def _since(path: Path, runs: Path) -> SinceLastRun | None:
-    """Compares a run with the one before it; cached, since no run before it changes any more."""
+    """Compares a run with the one before it; `None` for a rerun. Cached, since no run before it changes any more."""
     record = read_record(path)
     return None if record.rerun_of else since_last(NightRun.of(record), runs)
 
 
 @lru_cache(maxsize=256)
 def _read(path: Path, changed_at: int) -> RunRecord | None:
-    """Reads a run's record; cached until its file changes."""
+    """Reads a run's record, cached until its file changes; `None` if it cannot be read."""
     del changed_at
     try:
         return read_record(path)

@@ -81,7 +81,7 @@ class Sessions:
         return session if session is not None and session.ends_at_s > self._clock() else None
 
     def log_out(self, token: str | None) -> None:
-        """Ends a session."""
+        """Ends the login session of a cookie token; does nothing if there is none."""
         with self._lock:
             self._sessions.pop(token or "", None)
 

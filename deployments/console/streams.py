@@ -86,7 +86,7 @@ class _Stream(StreamingResponse):
         self._streams = streams
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Sends the response to the browser (ASGI)."""
+        """Sends the response to the browser (ASGI), or status 503 if too many pages are followed already."""
         async with self._streams.admitted() as has_room:
             if has_room:
                 await super().__call__(scope, receive, send)

@@ -164,7 +164,7 @@ class Visit:
         return self.request.query_params.get(name, "")
 
     def follow(self, look: Look, every_s: float) -> Response:
-        """Streams updates to the browser until `look` ends or the session expires."""
+        """Streams updates to the browser each `every_s` seconds, until `look` ends it or the session expires."""
 
         def allowed() -> Iterator[tuple[str, Any]]:
             sessions = self.context.sessions

@@ -28,7 +28,7 @@ class Need:
 
     @property
     def sentence(self) -> str:
-        """Returns a sentence that describes the need."""
+        """Returns a description of an object, package or image that a step needs, with the step's name."""
         if self.uri.startswith("s3://"):
             return f"{self.uri} in the object store (step {self.step})"
         if self.uri.startswith(_PACKAGE):
@@ -58,7 +58,7 @@ def missing_objects(needs: list[Need], store: ObjectStore) -> list[Need]:
 
 
 def _is_there(store: ObjectStore, bucket: str, key: str) -> bool:
-    """Whether an object exists, or one whose key begins so: data sources name prefixes, too."""
+    """Whether an object exists, or one whose key begins so: data sources name prefixes, too; false without a bucket."""
     try:
         return next(iter(store.list(bucket, key)), None) is not None
     except BucketNotFoundError:

@@ -71,7 +71,10 @@ def _shown(schema: Any) -> Any:
 
 
 def _field(schema: dict[str, Any]) -> dict[str, Any]:
-    """Converts the JSON schema of one field for Prefect's run form."""
+    """Converts the JSON schema of one field for Prefect's run form: simple optional types without `null`.
+
+    A default that only the field's description names is written into the schema.
+    """
     types = schema.get("anyOf", [])
     if _NOTHING in types and len(types) == 2:
         (given,) = [each for each in types if each != _NOTHING]
@@ -207,7 +210,10 @@ def _check_scheduled(
     there: Mapping[tuple[str, str], DeploymentResponse],
     client: SyncPrefectClient,
 ) -> None:
-    """Raises an error for a schedule whose runs would lack parameter values, as they start automatically."""
+    """Checks that a deployment with a schedule has values for all parameters, as its runs start by themselves.
+
+    Raises ConfigurationError, which names the parameters, if one is missing.
+    """
     if not deployable.missing:
         return
     before = there.get((str(client.create_flow_from_name(deployable.flow)), deployable.name))
@@ -276,7 +282,7 @@ def _job_variables(pool: WorkPool, target: Target, client: SyncPrefectClient) ->
 
 @contextmanager
 def _told() -> Iterator[None]:
-    """Converts refusals and connection errors of the Prefect server to errors of this package."""
+    """Raises ConfigurationError in place of the Prefect server's refusals and connection errors in the block."""
     try:
         yield
     except PrefectHTTPStatusError as error:

@@ -249,7 +249,10 @@ class Endpoint:
         return self.job_callers.job_of_path(request.scope) or self.job_callers.job_of(request.scope)
 
     def _page(self, request: ServiceRequest, *, is_of_job: bool) -> Response | None:
-        """Returns the health or metrics page; a job learns only that the service works, nothing about others."""
+        """Returns the health or metrics page that a request asks for; `None` if it asks for neither.
+
+        A job learns only that the service works: raises AccessDeniedException if a job asks for metrics.
+        """
         if is_of_job and request.raw_path == METRICS:
             raise AccessDeniedException("a simulation job sent this request, and metrics are not for jobs")
         return self._health.answer(request, is_of_job=is_of_job) or self._metrics.answer(request)

@@ -110,7 +110,7 @@ class _LimitedProtocol(H11Protocol):
         return self._quiet_since
 
     def _end(self) -> None:
-        """Closes the client's connection, at once if the client does not even read its response."""
+        """Closes the client's connection: after what was written, or at once if the client does not read it."""
         if self.transport.get_write_buffer_size():
             self.transport.abort()
         else:

@@ -196,7 +196,10 @@ class _Resources(Collector):
         self._worker_status = worker_status
 
     def collect(self) -> Iterator[Metric]:
-        """Yields gauges of resources, of the job worker, and of the version."""
+        """Yields metrics of this server: resources by kind and status, the job worker's state and restarts, version.
+
+        Metrics of the job worker are left out where this server has none.
+        """
         resources = GaugeMetricFamily("robomaker_resources", "Resources in the catalog.", labels=("kind", "status"))
         for kind, counts in self._service.catalog.count().items():
             for status, count in counts.items():

@@ -168,7 +168,7 @@ class _Server(uvicorn.Server):
         self._stopping = stopping
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Starts to answer HTTP requests."""
+        """Starts to answer HTTP requests, and then reports the port as ready."""
         await super().startup(sockets)
         self._ready(self._listener.getsockname()[1])
 
@@ -179,7 +179,10 @@ class _Server(uvicorn.Server):
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """Stops the server on signals, without passing them on to the caller as uvicorn does."""
+        """Stops the server on SIGINT and SIGTERM in the block, without passing them on to the caller as uvicorn does.
+
+        The former handlers are set again at the end. Outside of the main thread it does nothing.
+        """
         if threading.current_thread() is not threading.main_thread():
             yield
             return

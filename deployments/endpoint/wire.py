@@ -164,7 +164,10 @@ def _body_members(request: ServiceRequest) -> dict[str, Any]:
 
 
 def _check_content_type(content_type: str | None) -> None:
-    """Raises an error if a body is not JSON: SDKs send `application/json` or no type."""
+    """Checks that a body is JSON by its `Content-Type`: SDKs send `application/json` or no type.
+
+    Raises UnsupportedMediaTypeException for any other type.
+    """
     if content_type is None:
         return
     kind = content_type.partition(";")[0].strip().lower()
@@ -200,7 +203,10 @@ def error_response(code: str, status: int, message: str) -> WireResponse:
 
 
 def _seconds(value: object) -> float:
-    """Converts a time to seconds since 1970, with milliseconds as AWS sent it."""
+    """Converts a time to seconds since 1970, rounded to milliseconds as AWS sent it.
+
+    Raises TypeError if the value is no `datetime`.
+    """
     if isinstance(value, datetime):
         return round(value.timestamp(), 3)
     raise TypeError(f"{value!r} has no JSON form")

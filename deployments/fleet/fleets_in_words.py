@@ -102,7 +102,7 @@ def counts_text(deployment: DeploymentStanding) -> str:
 
 
 def order_text(order: OrderStanding | None) -> str:
-    """Formats a robot's open order: `#7 Downloading 40 %`, `#7 offered`."""
+    """Formats a robot's open order: `#7 Downloading 40 %`, `#7 offered`; empty if it has none."""
     if order is None:
         return ""
     if order.state in ("canceling", "refused"):
@@ -192,7 +192,7 @@ class LineWatcher:
         self._before: Look | None = None
 
     def __call__(self, look: Look) -> None:
-        """Prints the changes since the last snapshot, or a line of counts after a minute without changes."""
+        """Prints a deployment's changes since the last look, or a line of counts after a minute without changes."""
         lines = changes(self._before, look)
         self._before = look
         if not lines and self._clock() - self._told_s >= HEARTBEAT_S:

@@ -40,7 +40,7 @@ class ServedAgents:
         self._reader = RepositoryReader(service)
 
     def enrol(self, robot: str, secret: str, token_sha256: str) -> str | None:
-        """Enrols an agent; see `enrolment.take`."""
+        """Enrols a robot's agent; returns the TUF root to trust, or `None` if its one-time token is refused."""
         from ...tasks.fleet.trust.enrolment_tokens import take  # it needs the extra `fleet`
 
         root = take(robot, secret, token_sha256, self._service)
@@ -53,7 +53,10 @@ class ServedAgents:
         return self._reader.metadata(name)
 
     def target(self, path: str) -> ServedFile:
-        """Returns an update file; see `RepositoryReader.target`."""
+        """Returns an update file of the store's folder: its size, SHA-256 and a function that reads parts of it.
+
+        Raises ObjectNotFoundError if there is no such file.
+        """
         here = self._reader.target(path)
         try:
             size_bytes = here.stat().st_size
@@ -176,7 +179,7 @@ class RobotsBeside:
             await self._endpoint(scope, receive, send)
 
     def _with_life(self, send: Send) -> Send:
-        """Starts and stops the update server's threads together with the endpoint."""
+        """Returns a sender that starts and stops the update server's threads together with the endpoint."""
 
         async def sent(message: Message) -> None:
             if message["type"] == "lifespan.startup.complete":

@@ -16,7 +16,10 @@ from .secret import auth_string, server_folder
 
 
 def main() -> None:
-    """Entry point of the local Prefect server's process."""
+    """Runs the local Prefect server in this process, on the socket and port that the command line names.
+
+    It sets the variables of the server in this process's environment, and prepares its database first.
+    """
     parser = argparse.ArgumentParser()
     parser.add_argument("--port", type=int, required=True)
     parser.add_argument("--socket", type=int, required=True)

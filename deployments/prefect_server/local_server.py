@@ -119,7 +119,10 @@ def is_own_server(api_url: str, settings: Settings) -> bool:
 
 
 def server_status(settings: Settings, environ: Mapping[str, str] | None = None) -> ServerStatus:
-    """Returns which Prefect server would be used, and whether it answers."""
+    """Returns which Prefect server would be used, and whether it answers, answers not in time (busy), or does not run.
+
+    The server that variables or Prefect's profile name comes before the local one of the data home.
+    """
     if url := configured_api_url(os.environ if environ is None else environ):
         status = ServerStatus(running=False, api_url=url, configured_elsewhere=True)
     else:
@@ -137,7 +140,10 @@ def stop_server(settings: Settings) -> bool:
 
 
 def configured_api_url(environ: Mapping[str, str]) -> str | None:
-    """Returns the Prefect API URL that environment or profile configure, if any."""
+    """Returns the Prefect API URL that the variables or the active Prefect profile configure.
+
+    Returns None if neither names one, or the profiles cannot be read.
+    """
     if url := environ.get("PREFECT_API_URL"):
         return url
     home = Path(environ.get("PREFECT_HOME") or Path.home() / ".prefect")
@@ -152,7 +158,7 @@ def configured_api_url(environ: Mapping[str, str]) -> str | None:
 
 
 def _status_once_idle(settings: Settings, environ: Mapping[str, str] | None) -> ServerStatus:
-    """Returns the server's status, after waiting for a busy server."""
+    """Returns the Prefect server's status, after waiting for a busy server for some time; it may still be busy then."""
     status = server_status(settings, environ)
     if status.busy:
         api_url = str(status.api_url)
@@ -203,7 +209,10 @@ def _without_client_variables(environ: Mapping[str, str]) -> dict[str, str]:
 
 
 def _stop(settings: Settings) -> bool:
-    """Ends the process that the state file names; returns whether it was a server."""
+    """Ends the Prefect server that the state file names, by force if it does not end within 15 s; deletes that file.
+
+    Returns False if no such server was running.
+    """
     status = _known_server(settings)
     _state_file(settings).unlink(missing_ok=True)
     if status.pid is None or not _is_alive(status):
@@ -232,7 +241,7 @@ def _wait_until_healthy(process: subprocess.Popen[bytes], api_url: str, log: Pat
 
 
 def _is_alive(status: ServerStatus) -> bool:
-    """Whether the process is the server of that address; process ids are reused after a reboot."""
+    """Whether the process of a recorded server is that server of Prefect: process ids are reused after a reboot."""
     try:
         arguments = set(Path(f"/proc/{status.pid}/cmdline").read_bytes().decode(errors="replace").split("\0"))
     except OSError:
@@ -269,7 +278,7 @@ def _listener(memory: Path) -> socket.socket:
 
 
 def _known_server(settings: Settings) -> ServerStatus:
-    """Returns the server in the state file, whether it still runs or not."""
+    """Returns the server in the state file, whether it still runs or not; without a file one that does not run."""
     try:
         return ServerStatus(**json.loads(_state_file(settings).read_text()))
     except (OSError, ValueError, TypeError):

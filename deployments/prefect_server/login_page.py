@@ -135,7 +135,7 @@ def _is_page(request: Request) -> bool:
 
 
 async def _token(request: Request) -> str | None:
-    """Returns the login token in a request's body, or `None`."""
+    """Returns the login token in a request's JSON body; `None` if the body has none, is too large or breaks off."""
     body = b""
     try:
         async for part in request.stream():

@@ -120,7 +120,7 @@ class Outage:
 
     @contextmanager
     def watched(self) -> Generator[None]:
-        """Watches the Prefect server in a thread, inside the `with` block."""
+        """Watches in a thread, inside the block, whether the Prefect server answers."""
         watch = threading.Thread(target=self._watch, name="prefect outage", daemon=True)
         watch.start()
         try:
@@ -152,7 +152,7 @@ class Outage:
 
     @contextmanager
     def asking(self) -> Generator[float]:
-        """Counts a request to the Prefect server as open inside the `with` block."""
+        """Counts a request to the Prefect server as open inside the block; yields the time (s) at which it began."""
         request, began = object(), self._clock()
         self._open_requests[request] = began
         try:
@@ -185,7 +185,7 @@ class Outage:
         return self.is_on
 
     def _tell_end(self) -> None:
-        """Reports once that the Prefect server did not answer within the waiting time."""
+        """Reports once that the Prefect server, which is away, is not waited for any longer."""
         if self.is_on and not self.is_waited_for and not self._has_told_end:
             self._has_told_end = True
             self._tell(f"{self._name} is not waited for any longer; what runs goes on without it")

@@ -56,7 +56,7 @@ def patient_requests(outage: Outage, api_url: str) -> Generator[None]:
 
 @contextmanager
 def _replaced(owner: type, name: str, replacement: Callable[..., Any]) -> Generator[None]:
-    """Replaces a method inside the `with` block; the replacement is called with the method and its arguments."""
+    """Replaces a class's method in the block; the replacement is called with the former method and its arguments."""
     method = getattr(owner, name)
     setattr(owner, name, lambda *arguments: replacement(method, *arguments))
     try:
@@ -73,7 +73,10 @@ class _Patience:
         self._server = urlsplit(api_url)
 
     def send(self, send: _Send, transport: httpx.HTTPTransport, request: httpx.Request) -> httpx.Response:
-        """Sends a request to the Prefect server, again after an outage."""
+        """Sends a request to the Prefect server, and again after an outage; requests to other hosts are sent once.
+
+        Raises PrefectServerAwayError if the server does not answer and the request does not wait for it (any longer).
+        """
         outage = self._outage
         if not self._is_ours(request):
             return send(transport, request)
@@ -90,7 +93,11 @@ class _Patience:
     async def send_async(
         self, send: _SendAsync, transport: httpx.AsyncHTTPTransport, request: httpx.Request
     ) -> httpx.Response:
-        """Sends a background request to the Prefect server, again after an outage."""
+        """Sends a background request to the Prefect server, and again after an outage of it.
+
+        While the server is away, logs are dropped and answered as if they were stored, and a request for a token gets
+        none; other requests raise PrefectServerAwayError.
+        """
         if not self._is_ours(request):
             return await send(transport, request)
         while await self._answers():
@@ -108,7 +115,7 @@ class _Patience:
         raise PrefectServerAwayError("the Prefect server does not answer", request=request)
 
     async def emit(self, emit: Callable[..., Awaitable[None]], client: PrefectEventsClient, event: Any) -> None:
-        """Sends a Prefect event, unless the server has been away for too long."""
+        """Sends a Prefect event; drops it while the Prefect server is away."""
         if not await self._answers():
             return
         async with anyio.create_task_group() as tasks:
@@ -123,7 +130,7 @@ class _Patience:
             tasks.cancel_scope.cancel()
 
     async def _answers(self) -> bool:
-        """Waits until the server answers or waiting time is over; returns whether it answers."""
+        """Waits until the Prefect server answers or the waiting time is over; returns whether it answers."""
         while self._outage.is_waited_for:
             await anyio.sleep(_LOOK_S)
         return not self._outage.is_on

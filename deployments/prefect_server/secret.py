@@ -58,7 +58,10 @@ def auth_string(settings: Settings) -> str:
 
 
 def _make(path: Path) -> None:
-    """Writes a new secret file unless another process is faster; the file never exists without its content."""
+    """Writes a new secret file that only this user may read, unless another process has written one first.
+
+    The file never exists without its content.
+    """
     temporary = path.with_name(f"{FILE}.{os.getpid()}.{secrets.token_hex(4)}")
     descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     with os.fdopen(descriptor, "w", encoding="utf-8") as file:

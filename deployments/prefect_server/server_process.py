@@ -125,7 +125,10 @@ _CALLS = frozenset({"execute", "executemany", "commit"})
 
 
 def wait_in_the_event_loop() -> None:
-    """Changes how Prefect uses SQLite: waiting for locks happens in the event loop and not in threads."""
+    """Changes how Prefect uses SQLite in this process: waiting for locks happens in the event loop and not in threads.
+
+    A statement that still finds the database locked after some time raises SQLite's error, as before.
+    """
     set_up, begin = AioSqliteConfiguration.setup_sqlite, AioSqliteConfiguration.begin_transaction
     execute = aiosqlite.Connection._execute  # pyright: ignore[reportPrivateUsage]
 

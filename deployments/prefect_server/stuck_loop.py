@@ -17,7 +17,7 @@ _TICK_S = 3.0
 
 
 async def tell_when_stuck(_: "PrefectClient") -> None:
-    """Background job that logs stack traces when the server hangs."""
+    """Writes stack traces to standard error when the server's event loop hangs; runs until it is cancelled."""
     try:
         while True:
             faulthandler.dump_traceback_later(_SILENT_S)

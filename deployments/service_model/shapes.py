@@ -50,7 +50,7 @@ class Shapes:
         return name
 
     def add_error(self, error: type[ServiceError]) -> str:
-        """Adds an error of the service; returns its name."""
+        """Adds the shape of an error of the service, with its HTTP status, to the model; returns the shape's name."""
         self._add(ERROR_MESSAGE, {"type": "string"})
         definition: Definition = {
             "type": "structure",
@@ -85,7 +85,10 @@ class Shapes:
         return definition
 
     def _value(self, annotation: Any) -> str:
-        """Adds the shape of the type of a member, entry or key; returns its name."""
+        """Adds the shape of the type of a member, entry or key to the model; returns its name.
+
+        Raises ValueError if the type has no ShapeName.
+        """
         annotation = _present(annotation)
         metadata: tuple[Any, ...] = ()
         kind = annotation

@@ -45,7 +45,10 @@ def problems_of_rights(key: AccessKey | None, spec: CheckedSpec, catalog: Catalo
 
 
 def _check_written(key: AccessKey, step: CheckedStep, made: set[str], catalog: Catalog) -> None:
-    """Checks the resources that a step names, and its whole request if that needs no other step."""
+    """Checks that a key may use the resources that a step names, and its whole request if that needs no other step.
+
+    Raises an error of the key's rights if it may not.
+    """
     request = plain(step.input) if step.needs else resolve_input(step, {})
     named = [each for each in named_resources(request) if _REFERENCE not in each and each not in made]
     check_named(key, named, catalog)

@@ -53,7 +53,7 @@ def read_standing(folder: Path) -> Standing | None:
 
 
 def write_standing(folder: Path, standing: Standing) -> None:
-    """Writes the state of an ordered run, atomically."""
+    """Writes the state of an ordered run into its folder, in a file that is replaced as a whole."""
     part = folder / f".{STANDING}.part"
     part.write_text(standing.model_dump_json(), encoding="utf-8")
     part.replace(folder / STANDING)
@@ -74,7 +74,7 @@ class StandingFile:
         self._is_due = False
 
     def __call__(self, event: ProgressEvent, /) -> None:
-        """Updates the stored state of an ordered run by an event of the run."""
+        """Updates the stored state of an ordered run by an event: a note, a step's start or end, or progress."""
         with self._lock:
             if isinstance(event, Note):
                 self._change(note=event.text)
@@ -109,7 +109,7 @@ class StandingFile:
             timer.start()
 
     def write(self) -> None:
-        """Writes the current state of an ordered run."""
+        """Writes the current state of an ordered run into its folder, now."""
         with self._lock:
             self._is_due = False
             write_standing(self._folder, self._standing)

@@ -42,7 +42,11 @@ _STATUS_S = 1.0
 
 
 def main() -> None:
-    """Entry point of the job worker's process: runs stored jobs until a signal or message to stop."""
+    """Runs stored jobs in the job worker's process until a signal or message to stop; it ends the process itself.
+
+    It lowers its priority, and tells its state through the inherited channel. The exit code is 0, or 2 if it could
+    not begin.
+    """
     channel = Channel.inherited(int(sys.argv[1]))
     os.nice(NICENESS)
     # What is imported stays. Looking through it for rubbish again and again takes a seventh of the time to import it.
@@ -92,7 +96,10 @@ def _serve(worker: "WarmWorker", channel: Channel, look: threading.Event, stop: 
 
 
 def _listen(channel: Channel, look: threading.Event, stop: threading.Event) -> None:
-    """Receives messages of the endpoint's process until it stops or dies."""
+    """Receives messages of the endpoint's process, each of which wakes the worker, until it says stop or dies.
+
+    The worker is told to stop then.
+    """
     while (message := channel.receive()) is not None and message != STOP:
         look.set()
     _request_stop(look, stop)

@@ -36,7 +36,7 @@ class PrefectWatch:
         self._look.set()
 
     def looked_at_now(self) -> bool:
-        """Checks whether the server answers, and waits for the result."""
+        """Returns whether the Prefect server answers now; if it does not, the watch looks again at once."""
         answers = server_status(self._settings).running
         if not answers:
             self.look_now()

@@ -96,13 +96,16 @@ class Jobs:
             self.held.renew_reservation(arn, self.service.catalog, self.service.timing.lease_s)
 
     def look_again(self) -> None:
-        """Checks once a minute whether jobs that this process could not run can run now."""
+        """Forgets, once a minute, which jobs this process could not run, so that they are checked again."""
         if time.monotonic() - self._left_since_s > _LOOK_AGAIN_S:
             self._left_since_s = time.monotonic()
             self.left.clear()
 
     def _leaves(self, job: Resource) -> bool:
-        """Whether a job is left to a process with another environment; it is checked again a minute later."""
+        """Whether a job is left to a process with another environment; it is checked again a minute later.
+
+        If a command has to be run for that, the command is kept for the health page, and logged once.
+        """
         ownership = self.service.catalog.ownerships([job.arn]).get(job.arn)
         if ownership is None or not needs_elsewhere(ownership.needed_environment, self.service):
             return False
@@ -150,7 +153,10 @@ class Jobs:
             _logger.info("%s: %s after %.1f s", job.id, status, duration_s)
 
     def _note(self, pool: JobPool, job: Resource, error: BaseException) -> None:
-        """Decides whether a job whose flow run raised an error is retried or fails."""
+        """Decides whether a job whose flow run raised an error is retried after a pause, or fails after several errors.
+
+        Errors that come from a server that is away do not count. A job that has ended is only logged.
+        """
         try:
             if is_terminal(job.kind, self.service.catalog.get(job.arn).status):
                 _logger.warning("%s has ended; Prefect may not show it so: %s", job.id, error)

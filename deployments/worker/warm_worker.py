@@ -64,7 +64,10 @@ class WarmWorker:
         self._renewed_at = time.monotonic()
 
     def prepare(self) -> None:
-        """Imports modules and starts processes, so that the first job starts quickly."""
+        """Imports modules and starts processes, so that the first job starts fast; removes folders of runs taken over.
+
+        That Prefect does not answer yet is only logged.
+        """
         from ...flows.lookup import find_perform_flow
         from ...tasks.jobs.job_folders import remove_overtaken_runs
         from ...tasks.jobs.job_runs import launcher
@@ -84,7 +87,10 @@ class WarmWorker:
         return self._service.settings
 
     def look(self) -> None:
-        """Starts the stored jobs that can run; called several times a second."""
+        """Starts the stored jobs that can run; called several times a second.
+
+        If the catalog does not answer, that is noted in the worker's state, and the next call tries again.
+        """
         try:
             if time.monotonic() - self._renewed_at > _RENEW_S:
                 self._renewed_at = time.monotonic()
@@ -106,7 +112,7 @@ class WarmWorker:
         return bool(self._jobs.counts())
 
     def status(self) -> dict[str, Any]:
-        """Returns the worker's status for the health page."""
+        """Returns the job worker's status for the health page: state, Prefect's URL, jobs by pool, waiting, left."""
         counts, waits = self._jobs.counts(), self._waits()
         waiting = sum(record.batch is None for record in waits)
         state = "ready" if self._catalog_answers else "waiting for the catalog"
@@ -160,7 +166,7 @@ def _in_words(pool: JobPool, begun: int, waiting: int) -> str:
 
 @contextmanager
 def _logged(what: str) -> Iterator[None]:
-    """Logs errors inside the `with` block that occur because the Prefect server does not answer."""
+    """Logs errors in the block that occur because the Prefect server does not answer; they are not raised."""
     try:
         yield
     except (httpx.HTTPError, PrefectException) as error:

@@ -73,7 +73,7 @@ class WorkerProcess:
         return self.status().get("interrupted", {})
 
     def kill(self) -> None:
-        """Kills the worker process; its jobs stay claimed until their leases expire."""
+        """Kills the job worker's process, and waits a moment; its jobs stay claimed until their leases expire."""
         self._stopping.set()
         if (process := self._process) is not None:
             process.kill()
@@ -92,7 +92,7 @@ class WorkerProcess:
             pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
 
     def _live(self) -> int:
-        """Starts a worker process and reads its messages until it has ended; returns its exit code."""
+        """Starts a job worker's process and notes the states that it sends until it ends; returns its exit code."""
         ours, theirs = Channel.pair()
         with self._lock:
             self._status = {**self._status, "state": "starting"}
@@ -116,7 +116,7 @@ class WorkerProcess:
         return process.wait()
 
     def _clear_up(self, code: int, pause_s: float) -> None:
-        """Releases the leases of a dead worker process, and logs its death."""
+        """Releases the leases of a dead job worker's process, counts and logs its death, and notes a restart."""
         how = f"was killed by signal {-code}" if code < 0 else f"ended with exit code {code}"
         held = self._expire_leases()
         error = self.status().get("error", "")
@@ -132,7 +132,10 @@ class WorkerProcess:
         )
 
     def _expire_leases(self) -> int:
-        """Releases the leases of a dead worker process; returns how many it held."""
+        """Releases the leases of a dead job worker's process, so that its jobs can go on; returns how many it held.
+
+        If the catalog cannot be opened, it logs that and returns 0: the leases run out by themselves.
+        """
         # Imported late, so that the worker is started before this process has imported anything large.
         from ...tasks.execution.leases.held_leases import owners_of
         from ...tasks.service.service import Service

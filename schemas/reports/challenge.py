@@ -150,7 +150,7 @@ class Challenge(Model):
 
     @property
     def headline(self) -> str:
-        """One sentence for people: `5 of 7 sabotages caught`."""
+        """One line for people on how a challenge ended: `5 of 7 sabotages caught`, or why nothing could be caught."""
         if self.jobs and all(job.control == "is not judged" for job in self.jobs):
             return "No job has requirements, so that nothing could catch anything; give jobs `requirements`"
         if all(job.control == "was not run" for job in self.jobs):

@@ -179,7 +179,7 @@ def begins_id(wanted: str, resource_id: str) -> bool:
 
 
 def ambiguous(wanted: str, what: str, candidates: Sequence[str]) -> str:
-    """Makes the error text that a name fits several things: it lists some of them, and asks for an id."""
+    """Returns the error text for a name that fits several things: it lists some of them, and asks for an id."""
     more = len(candidates) - MOST_NAMED
     told = "; ".join(candidates[:MOST_NAMED]) + (f"; and {more} more" if more > 0 else "")
     return f"{wanted!r} may be any of {len(candidates)} {what}: {told}; name one by its id"

@@ -48,7 +48,7 @@ _TRIALS = "trials"
 
 
 def result_of(record: RunRecord) -> FlowResult:
-    """Makes the Prefect flow's result from the record of a run."""
+    """Makes the Prefect flow's result from the record of a run, with its verdicts, counts and report's path."""
     troubles = [f"{step.name} ({step.operation}): {step.error}" for step in record.steps if step.error]
     message = in_words(record.state, record.jobs, troubles, look=f"robomaker report {record.run_id} --open")
     return FlowResult(

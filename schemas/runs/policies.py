@@ -104,7 +104,7 @@ class PolicyRequest(JobRequest, Protocol):
 
 
 def policy_in(request: Mapping[str, Any]) -> str | None:
-    """Returns the policy that a simulation job request names, by its member or by a launch variable."""
+    """Returns the policy that a simulation job request names, by its member or by a launch variable; else `None`."""
     if (policy := request.get("policy")) is not None:
         return policy
     configs: list[Mapping[str, Any]] = [
@@ -151,7 +151,7 @@ def _given(request: PolicyRequest) -> dict[str, str]:
 
 
 def _driven_otherwise(request: PolicyRequest, where: str) -> Iterator[str]:
-    """Yields launch configurations with which a policy would be ignored, or have no environment to act in."""
+    """Yields problems of launch configurations with which a policy would be ignored or have no environment."""
     for index, config in enumerate(request.robotApplications or ()):
         member = next((member for member in _STARTS if getattr(config.launchConfig, member)), None)
         if member is not None:

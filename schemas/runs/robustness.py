@@ -95,7 +95,7 @@ def horizon(formula: Formula, period_s: float) -> int:
 
 
 def _first_violation(formula: Formula, samples: Samples, period_s: float) -> int | None:
-    """Returns the index of the first sample at which a condition that always has to hold is violated."""
+    """Returns the index of the first sample at which a condition that always has to hold is violated; else `None`."""
     if isinstance(formula, Join) and formula.word == "and":
         found = [_first_violation(part, samples, period_s) for part in formula.parts]
         return min((each for each in found if each is not None), default=None)
@@ -205,7 +205,10 @@ def _balanced(word: str, parts: Sequence[str]) -> str:
 
 
 def _values(comparison: Comparison, samples: Samples, length: int) -> list[float]:
-    """Computes the robustness of a comparison at each sample."""
+    """Computes the robustness of a comparison at each sample, positive where it holds.
+
+    Raises OverflowError if its numbers are too large to compare.
+    """
     left, right = (_numbers(side, samples, length) for side in (comparison.left, comparison.right))
     is_below = comparison.sign in ("<", "<=")
     equal = -_STRICT if comparison.sign in ("<", ">") else _STRICT

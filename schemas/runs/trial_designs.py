@@ -72,7 +72,7 @@ class Cells:
 
     @property
     def count(self) -> int:
-        """Number of cells."""
+        """Number of cells that axes and a design make, those that are included with them."""
         return self._drawn + len(self.include)
 
     @property
@@ -184,7 +184,7 @@ class Cells:
 
     @property
     def _drawn(self) -> int:
-        """Number of cells besides those that are included."""
+        """Number of cells of the grid or design, besides those that are included."""
         return len(self._kept) if self.points is None else self.points
 
     @cached_property

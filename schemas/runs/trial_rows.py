@@ -63,7 +63,7 @@ class TrialRow(Model):
         return StateDigestSummary(looks=self.looks, until_s=self.digest_until_s, value=self.state_digest)
 
     def result(self) -> RunResult:
-        """Returns the content of the trial's `result.json`, as far as the row contains it."""
+        """Returns the content of a trial's `result.json`, as far as the row of the table contains it."""
         return RunResult(
             verdict=self.verdict,
             notes=self.notes,

@@ -69,7 +69,7 @@ def secret_names(variables: Mapping[str, str], axes: Iterable[str] = ()) -> set[
 
 
 def without_secrets(plan: RunPlan) -> RunPlan:
-    """Returns the plan with `(secret)` in place of secret variables, axes, arguments and logins in URLs."""
+    """Returns the plan of a run with `(secret)` in place of secret variables, axes, arguments and logins in URLs."""
     applications = [each for each in (plan.robot_application, plan.simulation_application) if each is not None]
     all_variables = [plan.environment, *(each.environment_variables for each in applications)]
     all_variables += [each.environment for each in plan.programs]
@@ -178,7 +178,7 @@ def _hidden_variables(variables: Mapping[str, Any], names: set[str]) -> dict[str
 
 
 def _hidden_trials(trials: Mapping[str, Any], names: set[str]) -> dict[str, Any]:
-    """Replaces the values of secret axes in trials; different values get different replacements."""
+    """Returns trials with the values of secret axes replaced; different values get different replacements."""
     cells = [cell for member in _CELLS if is_list(found := trials.get(member)) for cell in found if is_mapping(cell)]
     axes: Mapping[str, Any] = trials[_AXES] if is_mapping(trials.get(_AXES)) else {}
     hidden: dict[str, dict[str, str]] = {}

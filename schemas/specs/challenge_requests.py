@@ -151,7 +151,10 @@ def _check_unused(spec: CheckedSpec, kept: set[str], simulating: Sequence[str]) 
 
 
 def _check_reached(steps: Iterable[CheckedStep]) -> None:
-    """Raises an error for steps with jobs whose simulation no axis reaches, as far as the specification shows it."""
+    """Checks that axes of sabotages reach the simulation of each step's jobs, as far as the specification shows it.
+
+    Raises SpecError with a problem for each step whose jobs they do not reach.
+    """
     problems = [
         Problem(
             step.place,

@@ -108,7 +108,7 @@ def _declared(found: Node | None) -> dict[str, Parameter]:
 
 
 def _declared_well(found: Node | None) -> dict[str, Parameter]:
-    """Returns the parameters with readable declarations."""
+    """Returns the parameters of a specification whose declarations can be read; others are left out."""
     declared: dict[str, Parameter] = {}
     for name, node in found.entries.items() if isinstance(found, MappingNode) else ():
         with suppress(ValidationError):
@@ -156,7 +156,10 @@ def _load_bare(request: MappingNode, operation: Node, text: str, filename: str, 
 def _load_single(
     head: Mapping[str, Node], step: MappingNode, text: str, filename: str, hidden: Location, given: _Given
 ) -> CheckedSpec:
-    """Checks a single step, by putting a pipeline around it that is invisible to the user."""
+    """Checks a single step, by putting a pipeline around it that is invisible to the user; its name is the file's.
+
+    Raises SpecError with all problems.
+    """
     stem = re.sub(r"[^a-zA-Z0-9_\-]+", "-", PurePath(filename).name.split(".")[0]).strip("-_")[:100] or "request"
     name = re.sub(r"\W|^(?=\d)", "_", stem)[:63]
     entries: dict[str, Node] = {
@@ -188,7 +191,10 @@ class _Check:
         self._problems: list[Problem] = []
 
     def run(self) -> CheckedSpec:
-        """Runs all checks of the specification; returns it checked, or raises an error with all problems."""
+        """Runs all checks of the specification and returns it checked, with the notes on it.
+
+        Raises SpecError with all problems, in the order of the file.
+        """
         self._check_document()
         self._settle_parameters()
         sabotages = self._sabotages()
@@ -277,7 +283,7 @@ class _Check:
         return path_text(self._shown(location))
 
     def _shown(self, location: Location) -> Location:
-        """Converts a location to the one that the user sees."""
+        """Converts a location in the checked specification to the one in the user's file."""
         written = self._respelling.path(location)
         return written[len(self._hidden) :] if location[: len(self._hidden)] == self._hidden else written
 
@@ -333,7 +339,7 @@ class _Check:
         )
 
     def _check_needs(self, name: str, node: MappingNode, scope: Mapping[str, Kind]) -> set[str]:
-        """Returns the steps that a step names in its member `needs`."""
+        """Returns the steps that a step names in its member `needs`, and reports those that do not exist."""
         named: Any = plain(node.entries["needs"]) if "needs" in node.entries else ()
         found: set[str] = set()
         for position, each in enumerate(named if is_list(named) else []):
@@ -347,7 +353,10 @@ class _Check:
         return found
 
     def _order(self, steps: Mapping[str, CheckedStep]) -> tuple[str, ...]:
-        """Returns the steps, each after those it needs, otherwise in file order."""
+        """Returns the steps, each after those it needs, otherwise in file order; empty if there are problems.
+
+        Steps that wait for each other are reported.
+        """
         graph = {name: [each for each in step.needs if each in steps] for name, step in steps.items()}
         for circle in circles(graph):
             message = (

@@ -143,7 +143,7 @@ def _for_each(item: dict[str, Any]) -> dict[str, Any]:
 
 
 def _axes(item: dict[str, Any]) -> dict[str, Any]:
-    """Axes in place of a list of job requests."""
+    """Returns the JSON schema of axes, which may stand in place of a list of job requests."""
     members = StepAxes.model_json_schema(ref_template=_REF)["properties"]
     flexible = {name: _written_out(_flexible(each)) for name, each in members.items()}
     flexible[AXES]["anyOf"] = [each for each in flexible[AXES]["anyOf"] if each != _REFERENCE]
@@ -158,13 +158,13 @@ def _axes(item: dict[str, Any]) -> dict[str, Any]:
 
 
 def _written_out(schema: dict[str, Any]) -> dict[str, Any]:
-    """A member of axes, whose lists no `forEach` makes."""
+    """Returns the JSON schema of a member of axes without the form `forEach`."""
     forms = [each for each in schema["anyOf"] if FOR_EACH not in each.get("properties", {})]
     return {**schema, "anyOf": forms}
 
 
 def _allow_body(definitions: dict[str, Any]) -> None:
-    """Allows a template body as a mapping, and describes its content."""
+    """Changes definitions of a JSON schema: a template body may be a mapping, whose content is described."""
     for operation in STEPS.values():
         properties = definitions[operation.request.__name__].get("properties", {})
         if "templateBody" in properties:

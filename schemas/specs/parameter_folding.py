@@ -78,7 +78,7 @@ class _Fold:
         return self._scalar(node, location)
 
     def _refuse_secrets(self, node: MappingNode, location: Location) -> None:
-        """Raises an error for parameters in secret variables, and in axes of trials with such names."""
+        """Reports parameters that are used in secret variables and in axes of trials with such names."""
         if location[-1:] not in ((_VARIABLES,), ("axes",)):
             return
         marked = node.entries.get(SECRETS_VARIABLE)

@@ -210,7 +210,11 @@ def _joined(parts: list[str | Reference]) -> Iterator[str | Reference]:
 
 
 def _reference(text: str, start: int) -> tuple[Reference, int]:
-    """Parses a reference up to its `}}`: the first one that completes an expression, as `}}` may be part of it."""
+    """Parses a reference up to its `}}`, and returns it with the position after it.
+
+    The first `}}` that completes an expression ends it, as `}}` may be part of it. Raises ReferenceMistake if none
+    does.
+    """
     mistake: JMESPathError | None = None
     end = text.find("}}", start)
     while 0 <= end <= start + MAX_EXPRESSION_CHARACTERS:

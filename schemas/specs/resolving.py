@@ -91,7 +91,10 @@ def _resolve_for_each(construct: MappingNode, scope: Mapping[str, Any], location
 
 
 def _resolve_axes(construct: MappingNode, scope: Mapping[str, Any], location: Location) -> list[Any]:
-    """Makes the job requests of all cells (combinations of the axes' values), for each cell one of each seed."""
+    """Makes the job requests of all cells (combinations of the axes' values), for each cell one of each seed.
+
+    Raises SpecError if the value is no mapping, or if its own trials vary one of the axes.
+    """
     cells = written_cells(construct, scope, location)
     value = construct.entries[VALUE]
     seed = child(value, "seed")

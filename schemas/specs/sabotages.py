@@ -157,7 +157,7 @@ def _axis_problems(name: str, axis: str, value: object) -> list[RequestProblem]:
 
 
 def _refusals(sabotage: Sabotage) -> list[str]:
-    """Returns reasons why a request could not have the axes of a sabotage."""
+    """Returns reasons why a request could not have the axes of a sabotage; empty if it could."""
     try:
         _Holder.model_validate({"axes": sabotage.trial_axes})
     except ValidationError as error:

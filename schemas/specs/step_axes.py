@@ -108,7 +108,7 @@ class _SpreadAxis(NumberAxis):
         raise NotImplementedError
 
     def parse(self, text: Any) -> float:
-        """Returns the number that a cell has."""
+        """Returns the number that a cell's text or value means; ValueError if it is none that fits the axis."""
         return super().parse(text if isinstance(text, str) else repr(text))
 
 
@@ -120,7 +120,7 @@ class _ListedAxis:
 
     @property
     def listed(self) -> Sequence[Scalar]:
-        """Its values."""
+        """The values of an axis that lists them."""
         return self.values
 
     def parse(self, text: Any) -> Scalar:
@@ -172,7 +172,7 @@ def axes_problems(written: Mapping[str, Any]) -> tuple[Cells | None, list[Reques
 
 
 def _well_formed(axes: object) -> dict[str, StepAxis]:
-    """The axes whose members have the right types."""
+    """Returns the axes of a step whose members have the right types; others are left out."""
     found: dict[str, StepAxis] = {}
     for name, axis in axes.items() if is_mapping(axes) else ():
         with suppress(ValidationError):
@@ -181,7 +181,7 @@ def _well_formed(axes: object) -> dict[str, StepAxis]:
 
 
 def _built(axes: Mapping[str, StepAxis]) -> tuple[dict[str, CellAxis], list[RequestProblem]]:
-    """The axes as designs know them, and what is wrong with the others."""
+    """Returns the axes of a step as designs know them, and the problems of the others, which are left out."""
     built: dict[str, CellAxis] = {}
     problems = _secrets(axes)
     for name, axis in axes.items():
@@ -221,14 +221,14 @@ def _check_length(value: Scalar) -> None:
 
 
 def _check_truth(values: Sequence[Scalar]) -> None:
-    """Refuses true beside 1, and false beside 0, which are equal in Python: one would exclude the other."""
+    """Raises ValueError for true beside 1, or false beside 0: Python takes them for equal."""
     for value in values:
         if isinstance(value, bool) and any(other == value and not isinstance(other, bool) for other in values):
             raise ValueError(f"{tag_value(value)} and {int(value)} are taken for each other; write one of them")
 
 
 def _key(value: Scalar) -> str:
-    """A text that is the same for values by which cells could not be told apart."""
+    """Returns a text that is the same for values by which cells could not be told apart, such as 1 and 1.0."""
     return (
         tag_value(float(value)) if isinstance(value, int | float) and not isinstance(value, bool) else tag_value(value)
     )
@@ -241,7 +241,7 @@ def _axis_problems(name: str, error: ValueError) -> list[RequestProblem]:
 
 
 def _about_kind(problem: RequestProblem) -> RequestProblem:
-    """A problem of the construct; of a kind it says why there is none."""
+    """Returns a problem of a step's axes; one about a `kind` says instead that axes of a step have none."""
     if problem.about_key and problem.location[:1] == (AXES,) and problem.location[2:] == ("kind",):
         name = problem.location[1]
         words = f"axes of a step have no kind: what it varies is where ${{{{ {name} }}}} stands in value; leave it out"

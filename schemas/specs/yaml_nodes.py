@@ -180,7 +180,10 @@ class _Reader:
         self._count = 0
 
     def document(self) -> Node:
-        """Reads the file's only document, with an error if there are several."""
+        """Reads the file's only document.
+
+        Raises SpecError if the file is empty or has several documents.
+        """
         root: Node | None = None
         for event in self._events:
             if _is_node(event):
@@ -251,7 +254,10 @@ class _Reader:
         return ScalarNode(self._place(event), value, text)
 
     def _text(self, event: _ScalarEvent) -> str:
-        """Returns the text of a scalar, with JSON's surrogate escape pairs combined to one character."""
+        """Returns the text of a scalar, with JSON's surrogate escape pairs combined to one character.
+
+        Raises SpecError if it holds half of a surrogate pair.
+        """
         try:
             return event.value.encode("utf-16", "surrogatepass").decode("utf-16")
         except UnicodeDecodeError:

@@ -68,7 +68,10 @@ DoorwayTarget = Annotated[Annotated[RoomPairTargetFilter, Tag(OBJECT_TAG)] | All
 
 
 def _percent(value: Any) -> Any:
-    """Raises an error for a value that is neither a percentage nor a word for one."""
+    """Returns a percentage as a number, or the word `Random` as it is.
+
+    Raises a validation error for anything else.
+    """
     number = isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value <= 100
     if not number and value != "Random":
         raise PydanticCustomError("no_percentage", 'a number from 0 to 100, or "Random", would be right')
@@ -145,7 +148,7 @@ Side = Annotated[float, Field(ge=1, le=4)]
 
 
 def _one_of(what: str, values: tuple[str, ...]) -> AfterValidator:
-    """Makes a validator that accepts only `values`, and suggests the nearest one."""
+    """Makes a validator that accepts only `values`, and whose error suggests the nearest one."""
 
     def check(value: str) -> str:
         if value in values:

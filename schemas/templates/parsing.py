@@ -182,7 +182,7 @@ def parse_template_body(text: str) -> WorldTemplateBody:
 
 
 def _read(document: Any) -> tuple[WorldTemplateBody | None, list[str]]:
-    """Parses a document to a body, and returns its problems."""
+    """Parses a document to a template's body; returns it with its problems, or `None` with the problems of its form."""
     problems = list(_version_problems(document)) or list(_null_problems(document))
     if problems:
         return None, problems

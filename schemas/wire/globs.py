@@ -66,7 +66,10 @@ class Glob:
         return _SPECIAL.split(self.text, maxsplit=1)[0].rpartition("/")[0]
 
     def _parse(self) -> Piece:
-        """Translates the glob to a regular expression, from left to right."""
+        """Translates the glob to a regular expression, from left to right.
+
+        Raises an error if its brackets do not match or are nested too deeply.
+        """
         groups: list[list[list[Piece]]] = [[[]]]  # of the glob and each open `{`, the alternatives
         for token in _TOKEN.finditer(_encodable(self.text)):
             character = token["plain"]

@@ -137,7 +137,7 @@ def parsed_member(data: object, what: str, member: str, model: type[BaseModel]) 
 
 
 def null_characters(value: Any, location: Location = ()) -> list[RequestProblem]:
-    """Finds text or mapping keys with the character U+0000 in plain data, which some databases cannot store."""
+    """Finds texts and keys with the character U+0000 in plain data, at any depth; some databases cannot store them."""
     if isinstance(value, str):
         return [RequestProblem(location, f"is {_shown(value)}; it may not hold the character U+0000")] * ("\0" in value)
     if is_list(value):
@@ -329,13 +329,16 @@ def _described(model: type[BaseModel], location: Location) -> str:
 
 
 def _model_at(model: type[BaseModel], location: Location) -> type[BaseModel] | None:
-    """Returns the model whose members are looked up at a location."""
+    """Returns the model whose members are looked up at a location; `None` if there is no model at it."""
     kind: Any = [*_kinds(model, (*location, ""))][-1]
     return kind if isinstance(kind, type) and issubclass(kind, BaseModel) else None
 
 
 def _kinds(model: type[BaseModel], location: Location) -> Iterator[Any]:
-    """Yields the types in which the steps of a location are looked up: a model, a collection, or a tagged union."""
+    """Yields the types in which the steps of a location are looked up: a model, a collection, or a tagged union.
+
+    After a step that the model does not have, the rest have the type `None`.
+    """
     kind: Any = model
     for step in location:
         yield kind

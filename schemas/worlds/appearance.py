@@ -106,7 +106,7 @@ def sky_look(color: Rgb) -> str:
 
 
 def _set(mjcf: str, start: str, **attributes: str) -> str:
-    """Sets attributes of all MJCF elements that begin with a text."""
+    """Returns an MJCF text with attributes set in all elements that begin with a text, in place of their own."""
 
     def changed(found: re.Match[str]) -> str:
         element = found.group()

@@ -24,7 +24,7 @@ _LEVEL_M = 0.01
 
 
 def _pair(value: object) -> object:
-    """Converts a YAML list of two numbers to a pair."""
+    """Converts a YAML list of two numbers to a pair; returns anything else as it is."""
     if not isinstance(value, list):
         return value
     given: list[object] = value  # pyright: ignore[reportUnknownVariableType] - pydantic checks what is in it

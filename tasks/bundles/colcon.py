@@ -127,7 +127,11 @@ def unpack_overlays(folder: Path, unpack: Unpack) -> None:
 
 
 def _listed(folder: Path, unpack: Unpack) -> list[str]:
-    """Returns the overlays that a bundle of version 2 lists, after checking each archive's SHA-256."""
+    """Returns the names of the overlays that a colcon bundle of version 2 lists, after checking each archive's SHA-256.
+
+    Raises ArchiveError if the list is missing or wrong, or an archive is damaged. A listed archive that is not there
+    is not checked.
+    """
     metadata = folder / ".metadata"
     _unpack_part(folder, "metadata.tar.gz", metadata, unpack)
     try:
@@ -168,7 +172,10 @@ def _overlays_in(text: bytes) -> dict[str, str]:
 
 
 def _unpack_overlay(folder: Path, archive: str, unpack: Unpack) -> str:
-    """Unpacks one overlay beside its archive, deletes the archive, and returns the folder's name."""
+    """Unpacks one overlay of a colcon bundle beside its archive, deletes the archive, and returns the folder's name.
+
+    Raises ArchiveError if the overlay has no setup script.
+    """
     name = archive.partition(".")[0]
     _unpack_part(folder, archive, folder / name, unpack)
     (folder / archive).unlink()

@@ -112,7 +112,10 @@ class _Extraction:
         self.last = member.name
 
     def make_links(self) -> None:
-        """Creates the links; those that would lead out of the top folder, absolute ones too, are left out."""
+        """Creates the links of an archive; those that are absolute or would lead out of the top folder are left out.
+
+        Raises ArchiveError if a hard link names no file of the archive.
+        """
         made: list[Path] = []
         for name, member in self.links.items():
             if member.hard_link is not None:
@@ -133,7 +136,10 @@ class _Extraction:
                 path.unlink()
 
     def _parts(self, member: Member) -> list[str]:
-        """Returns the components of a member's path below the top folder; empty for the top folder itself."""
+        """Returns the components of a member's path below the top folder; empty for the top folder itself.
+
+        Raises ArchiveError if the path is not safe, such as an absolute one, or too deep or long.
+        """
         path = member.name
         while path.startswith("./"):
             path = path[2:]
@@ -161,7 +167,10 @@ class _Extraction:
         return f"a component of more than {_MAX_COMPONENT_BYTES} bytes" if too_long else ""
 
     def _take(self, member: Member, name: str, *, is_folder: bool) -> None:
-        """Reserves a path in the target folder; folders may be named again, everything else only once."""
+        """Reserves a path in the target folder, and makes it if it is a folder; only folders may be named again.
+
+        Raises ArchiveError if the path was taken by a file, or differs from another one only in case.
+        """
         folded = name if self.limits.is_system_tree else unicodedata.normalize("NFC", name).casefold()
         other, other_is_folder = self.taken.setdefault(folded, (name, is_folder))
         if other != name:

@@ -72,7 +72,7 @@ def _effect(
     contrasts: Sequence[tuple[str, NDArray[np.float64]]],
     level: float,
 ) -> Effect:
-    """Returns the surest effect of an axis on one outcome, or the reason why there is none to tell."""
+    """Returns the surest effect of an axis on one outcome, or an effect that says why none can be told."""
     if not name and (rare := min(evidence.failed.sum(), (~evidence.failed).sum())) < FEWEST_OUTCOMES:
         one, several = ("failure", "failures") if evidence.failed.sum() == rare else ("pass", "passes")
         few = f"{rare} {one} is" if rare == 1 else f"{rare} {several} are"
@@ -95,7 +95,7 @@ def _effect(
 
 
 def _too_few_apart(name: str, outcomes: NDArray[np.float64], evidence: Evidence, numbers: NDArray[np.float64]) -> str:
-    """Says why trials that lie apart on an axis, such as those of a rare value, tell nothing; empty: they may."""
+    """Says why trials that lie apart on an axis, such as those of a rare value, tell nothing; empty if they may."""
     known = np.isfinite(outcomes) & np.isfinite(numbers)
     x = within(numbers[known], evidence.jobs[known])
     apart = float((x**2).sum()) ** 2 / max(float((x**4).sum()), 1e-300)  # of two values the number of the rarer one's

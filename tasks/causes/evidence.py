@@ -52,7 +52,7 @@ class AxisColumn:
 
     @property
     def is_number(self) -> bool:
-        """Whether its values are numbers."""
+        """Whether all values of the axis are numbers."""
         return all(not isinstance(each, str) for each in self.values)
 
     @property
@@ -97,7 +97,7 @@ class Evidence:
 
     @property
     def world_count(self) -> int:
-        """Number of different worlds."""
+        """Number of different worlds in the judged trials."""
         return len(self.world_names)
 
 
@@ -287,7 +287,7 @@ def _violated_at_s(requirement: Mapping[str, Any]) -> float:
 
 
 def _phase(requirements: Sequence[Mapping[str, Any]], missed: Mapping[str, Any]) -> str | None:
-    """Returns the last goal reached before a violation, `after to-kitchen`, or `before` the first; None: no goals."""
+    """Returns the last goal reached before a violation, `after to-kitchen`, or `before` the first; else `None`."""
     goals = [each for each in requirements if each.get("kind") == "goal" and each["name"] != missed["name"]]
     at_s = _violated_at_s(missed)
     reached = [

@@ -135,7 +135,7 @@ def _reported(results: ResultTable, evidence: Evidence, group: Group, claims: _C
 
 
 def _too_few(trials: int, failures: int, fewest: int, can_tell: bool) -> str:
-    """Says why nothing could be claimed of a group; empty: it could."""
+    """Says why nothing could be claimed of a group of failures, and how many trials would do; empty if it could."""
     if not can_tell:
         return "no cause was looked for"
     if failures >= fewest:

@@ -35,7 +35,7 @@ class Group:
 
     @property
     def count(self) -> int:
-        """Number of failures."""
+        """Number of trials in this group of failures."""
         return int(self.failed.sum())
 
 

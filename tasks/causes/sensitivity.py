@@ -142,7 +142,7 @@ def _unseen(change: float, largest: float, clusters: int, level: float) -> tuple
 
 
 def within(values: NDArray[np.float64], jobs: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Subtracts the mean of its job from each value."""
+    """Returns the values less the mean of the values of the same job."""
     numbers = np.unique(jobs, return_inverse=True)[1]
     return values - (np.bincount(numbers, weights=values) / np.bincount(numbers))[numbers]
 

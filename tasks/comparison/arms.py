@@ -103,7 +103,7 @@ class _Axis:
 
     @property
     def values(self) -> list[Value]:
-        """Its values, in the order of the jobs."""
+        """The different values of one axis, in the order of the jobs."""
         return [*dict.fromkeys(job.axes[self.name] for job in self.jobs if self.name in job.axes)]
 
     def shares(self) -> list[Share]:
@@ -121,7 +121,7 @@ class _Axis:
         return [self._share(name, found) for name, found in groups]
 
     def compared(self) -> Iterator[_Arm]:
-        """The first value against each other one that has pairs with it."""
+        """Yields the comparisons of an axis's first value with each other one that has pairs with it."""
         values = [] if self._is_sample_of_worlds else self.values
         for value in values[1 : MOST_COMPARED + 1]:
             arm = self._arm(values[0], value)
@@ -324,7 +324,7 @@ def _told(axis: _Axis, arm: _Arm, p_value: float | None, answer: Answer) -> ArmC
 
 
 def _why(arm: _Arm, p_value: float | None, answer: Answer) -> str:
-    """The reason of an answer, with what it leaves out."""
+    """Returns the reason of an answer about two values of an axis, with what it leaves out."""
     if arm.rate is None:
         words = f"none of {_counted(len(arm.trials), 'pair')} was judged on both sides by the same requirements"
     elif answer == "not comparable":

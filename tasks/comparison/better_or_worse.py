@@ -103,7 +103,7 @@ def compare(
 
 
 def judged_pairs(before: NightRun, after: NightRun, alpha: float = 0.05) -> JudgedTrials:
-    """Returns the pairs of trials that were judged by the same requirements in two runs."""
+    """Returns the pairs of trials that were judged in both of two runs, and by the same requirements."""
     pairing = pair_jobs(before.jobs, after.jobs)
     _, fair = _fair(pairing, pair_trials(pairing.pairs, before, after))
     return _judged(fair.only(fair.judged), alpha)
@@ -145,7 +145,10 @@ def _answer(
     rate: RateChange | None,
     alpha: float,
 ) -> tuple[Answer, str]:
-    """Returns the answer of a comparison, and the reason for it."""
+    """Returns the answer of a comparison of two runs, and the reason for it in words.
+
+    It is "not comparable" if no trials are paired, none was judged in both runs, or the answer depends on what broke.
+    """
     if not pairing.pairs:
         return "not comparable", _why_unpaired(before, after)
     if not len(fair):
@@ -187,7 +190,7 @@ def _margin_in_words(test: MarginTest) -> str:
 
 
 def _depends_on_lost(judged: JudgedTrials, fair: TrialPairs, alpha: float, margin: float | None) -> str:
-    """Returns a warning if missing trials that passed in the first run could hide a decrease by the margin."""
+    """Returns a warning if missing trials that passed in the first run could hide a fall by the margin; else empty."""
     worlds = fair.only(fair.told).lost_passes
     if not (lost := len(worlds)):
         return ""
@@ -231,7 +234,10 @@ def _tested(rate: RateChange, alpha: float) -> Answer:
 
 
 def _changes(kind: str, trials: TrialPairs, alpha: float) -> list[MetricChange]:
-    """Returns changes of metrics or margins of trials that ended by themselves; all intervals hold with 1 - alpha."""
+    """Returns changes of metrics or margins of trials that ended by themselves, changed ones first.
+
+    All intervals hold together with probability 1 - alpha. Values that are not finite are left out.
+    """
     old, new = trials.outcomes
     ended = trials.only(np.isin(old, ENDED) & np.isin(new, ENDED))
     found = {}
@@ -271,7 +277,7 @@ def _metric(
 
 
 def _why_unpaired(before: NightRun, after: NightRun) -> str:
-    """Returns the reason why two runs have no job in common."""
+    """Returns the reason why two runs have no job in common, as a clause without a full stop."""
     for run in (before, after):
         if not run.jobs:
             return f"{run.run_id} has no simulation jobs"

@@ -104,7 +104,7 @@ class NightRun:
         return ResultTable.of(self.jobs), mend if trouble else ""
 
     def _without_trials(self, results: ResultTable) -> str:
-        """Returns which jobs have trials that the table lacks, because they could not be read when it was written."""
+        """Returns a sentence on jobs whose trials the table lacks, as they could not be read then; else empty."""
         has_number = ~np.isnan(results.numbers("trial"))
         lost = [
             job.label

@@ -64,7 +64,7 @@ class EarlierPairs:
 
     @property
     def share(self) -> float:
-        """Share of pairs whose verdicts differ."""
+        """Share (0 to 1) of pairs of trials whose verdicts differ between two runs."""
         return float((self.judged.change != 0).mean())
 
 
@@ -177,7 +177,11 @@ def _until_decided(
 
 
 def _discordant(question: Question, earlier: EarlierPairs | None) -> tuple[float, list[str]]:
-    """Returns the share of differing pairs, and its source."""
+    """Returns the share (0 to 1) of pairs whose verdicts differ, and in words what it is assumed from.
+
+    The share of the question is taken first, then that of earlier runs, else an assumed one. There are no words for a
+    share that the question states.
+    """
     if question.discordant is not None:
         return question.discordant, []
     if earlier is None:
@@ -191,7 +195,10 @@ def _discordant(question: Question, earlier: EarlierPairs | None) -> tuple[float
 
 
 def _smallest(pairs: int, question: Question, discordant: float) -> float | None:
-    """Returns the smallest difference or margin, in tenths of a percentage point, that the pairs can show."""
+    """Returns the smallest difference or margin, in steps of a tenth of a percentage point, that the pairs can show.
+
+    Returns None if they can show none.
+    """
 
     def power(share: float) -> float:
         if question.kind == "margin":

@@ -110,7 +110,7 @@ def rate_change(trials: JudgedTrials, alpha: float, margin: float | None = None)
 def _margin_test(
     trials: JudgedTrials, worse: int, better: int, margin: float, alpha: float, between_worlds: Interval | None
 ) -> MarginTest:
-    """Tests a margin; if whole worlds are flipped, the interval between worlds decides, since trials are similar."""
+    """Tests whether a fall by the margin is excluded; an interval between worlds decides where one is given."""
     if between_worlds is not None:
         worlds = trials.world_count
         error = (between_worlds.value - between_worlds.low) / float(stdtrit(worlds - 1, 1 - alpha / 2))

@@ -104,7 +104,7 @@ def _since_last(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]])
 
 
 def _told_before(appearances: Sequence[Appearance]) -> Appearance | None:
-    """Returns the last earlier run in which a job had a verdict or an error."""
+    """Returns the last earlier run in which a job had a verdict or an error; `None` if there is none."""
     return next((each for each in reversed(appearances[:-1]) if each.outcome in TOLD), None)
 
 

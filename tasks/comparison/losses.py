@@ -101,7 +101,10 @@ def _new_jobs(night: int, step: str, run: NightRun, cells: Sequence[Sequence[App
 
 
 def _not_replaced(vanished: Sequence[Sequence[Appearance]], new: Sequence[str]) -> list[Sequence[Appearance]]:
-    """Returns the missing jobs that no new job replaces: same name, or as many new jobs as missing ones."""
+    """Returns the missing jobs that no new job replaces, by the same name.
+
+    The list is empty if there are at least as many other new jobs as missing ones.
+    """
     rest, left = list(new), []
     for each in vanished:
         name = name_of(each[-1].job).test
@@ -137,7 +140,10 @@ def _no_longer_judged(appearances: Sequence[Appearance], looked_at: Sequence[App
 
 
 def _asked_less(appearances: Sequence[Appearance], looked_at: Sequence[Appearance]) -> FoundLoss | None:
-    """Finds the latest run that dropped requirements which no later run requests again."""
+    """Finds the latest run that dropped requirements which no later run requests again; `None` if there is none.
+
+    It is also `None` if the job had no verdict in the last run.
+    """
     if looked_at[-1].outcome not in JUDGED:
         return None
     listed_now = _listed(looked_at[-1].job)
@@ -158,7 +164,10 @@ def _asked_less(appearances: Sequence[Appearance], looked_at: Sequence[Appearanc
 
 
 def _fewer_trials(appearances: Sequence[Appearance]) -> FoundLoss | None:
-    """Finds the latest run before the last that counted more trials of a job, and the run after it."""
+    """Finds the latest run that counted more trials of a job than the last one does; `None` if there is none.
+
+    It is also `None` if the job is not in the last run.
+    """
     counted = [(each, trials) for each in appearances if (trials := _trials(each)) is not None]
     if not counted or counted[-1][0] is not appearances[-1]:
         return None

@@ -59,7 +59,7 @@ class Pair:
 
     @property
     def has_same_request(self) -> bool:
-        """Whether both job requests are the same."""
+        """Whether both job requests are the same, as far as is known: true if either job's inputs are not recorded."""
         before, after = self.before.inputs, self.after.inputs
         return before is None or after is None or before.request_sha256 == after.request_sha256
 

@@ -124,7 +124,7 @@ def _together(one: RequirementChange, other: RequirementChange) -> RequirementCh
 def _only_told_when_missed(
     name: str, before: NDArray[np.int8], after: NDArray[np.int8], trials: TrialPairs
 ) -> NDArray[np.bool_]:
-    """Finds trials that newly miss a health requirement, which results contain only if it was missed."""
+    """Returns a mask of trials that newly miss a health requirement, which results contain only if it was missed."""
     appeared = (before < 0) & (after == 0) & (trials.outcomes[0] <= FAILED)
     if appeared.any():
         first = int(trials.after_rows[np.flatnonzero(appeared)[0]])
@@ -135,7 +135,7 @@ def _only_told_when_missed(
 
 
 def _spread(which: NDArray[np.bool_], jobs: NDArray[np.int64]) -> list[int]:
-    """Selects some trials: one of each job before a second one of any."""
+    """Returns the indices of some selected trials: one of each job before a second one of any, up to a number."""
     found = np.flatnonzero(which)
     _, first = np.unique(jobs[found], return_index=True)
     rest = np.setdiff1d(np.arange(len(found)), first)

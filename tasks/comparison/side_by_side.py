@@ -187,7 +187,7 @@ def _turn_aside(
 
 
 def _turn(before: Requirement | None, after: Requirement | None, pair: Pair) -> tuple[RequirementTurn, str]:
-    """Returns how a requirement changed and why, as far as the results say."""
+    """Returns how a requirement changed between the two jobs of a pair, and why in words, as far as the results say."""
     if before is None or after is None:
         return _turn_of_one(before, after, pair)
     for letter, item in (("A", before), ("B", after)):
@@ -201,7 +201,7 @@ def _turn(before: Requirement | None, after: Requirement | None, pair: Pair) -> 
 
 
 def _turn_of_one(before: Requirement | None, after: Requirement | None, pair: Pair) -> tuple[RequirementTurn, str]:
-    """Returns how a requirement changed that only one of the jobs has in its result."""
+    """Returns how a requirement changed that only one of the jobs has in its result, and why in words."""
     letter, job = ("A", pair.before) if before is None else ("B", pair.after)
     item = before or after
     outcome = outcome_of(job)

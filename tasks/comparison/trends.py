@@ -69,7 +69,10 @@ def shrinking(margins: NDArray[np.float64], requirements: int = 1) -> Lines:
 
 
 def _line(margins: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Computes slope of the least-squares line, runs until it reaches 0, and the p-value of the slope."""
+    """Computes the slope of the least-squares line per run, the runs until it reaches 0, and the p-value of the slope.
+
+    The number of runs is infinite where the line does not fall. The p-value is one-sided: small for falling margins.
+    """
     from scipy.special import stdtr  # importing it is slow; most commands fit no lines
 
     count = margins.shape[-1]
@@ -128,7 +131,7 @@ class _Smallest:
 
 
 def _smallest(run: NightRun) -> dict[str, _Smallest]:
-    """Returns the smallest margin of each requirement that has one unit and finite margins."""
+    """Returns the smallest margin of each requirement that has one unit and finite margins; others are left out."""
     found: dict[str, _Smallest] = {}
     for name, units in margin_units(run.results).items():
         margins = run.results.numbers(f"margin.{name}")[run.results.met(name) >= 0]

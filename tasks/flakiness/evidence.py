@@ -87,7 +87,7 @@ class _Ends:
     totals: Counter[str] = field(default_factory=Counter[str])
 
     def chance(self, hold: Hold, end: _End) -> float:
-        """Returns how probable a label is in the next rerun: a verdict, or, of its verdict, a way."""
+        """Returns the probability (0 to 1) of a label in the next rerun; `new` is the count for all new labels."""
         drawn = self._drawn(end)
         if not self.fixed or not self.holds(hold):
             return drawn
@@ -184,7 +184,7 @@ class Evidence:
         return sums
 
     def decision(self) -> Decision | None:
-        """Returns the factor that decides, if the reruns show one."""
+        """Returns the factor that decides how a job ends, and how sure that is; `None` if the reruns show none."""
         for factors, probability in self.of_factors().items():
             if len(factors) == 1 and probability >= ENOUGH:
                 [factor] = factors

@@ -26,7 +26,7 @@ FEWEST_RERUNS = 8
 
 
 def all_jobs(record: RunRecord, service: Service) -> list[ReportedJob]:
-    """Returns the jobs of a run."""
+    """Returns the jobs of a run that were created; requests without a job are left out."""
     return [each for each in jobs_of(record.steps, service, record.rerun_of) if each.arn]
 
 
@@ -133,7 +133,10 @@ def _tried(observations: Sequence[Observation]) -> list[TriedHold]:
 
 
 def _notes(run: FoundRun, service: Service) -> list[str]:
-    """Says which applications have changed since the run; the reruns have those that it ran with."""
+    """Returns a sentence for each application that has changed since the run; the reruns have the one that it ran with.
+
+    It is empty if the run has no job in the catalog, or the present applications cannot be read.
+    """
     if run.job is None:
         return []
     document = SimulationJobDocument.of(run.job)

@@ -39,7 +39,7 @@ class Marks:
         (folder / "sitecustomize.py").write_text(code)
 
     def path(self, program: str) -> Path:
-        """Returns the file of a program."""
+        """Returns the path of the file in which a program of a rerun writes what it holds and uses."""
         return self._said / program
 
     def held(self, asked: Held, programs: Iterable[str]) -> Held:

@@ -150,7 +150,7 @@ def _has_flipped(free: Sequence[Observation]) -> bool:
 
 
 def _why_none(evidence: Evidence, enough: float) -> str | None:
-    """Returns why no factor alone will be found to decide, as a clause; None: one may be."""
+    """Returns why no factor alone will be found to decide, as a clause; `None` if one may be."""
     for factors, probability in evidence.of_factors().items():
         if probability < enough or len(factors) == 1:
             continue

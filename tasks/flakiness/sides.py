@@ -51,7 +51,7 @@ def side_of(trials: Trials, most: int) -> tuple[Side, str | None]:
 
 
 def _differing(free: Iterable[Trial]) -> tuple[Trial, Trial] | None:
-    """Returns two reruns with other verdicts, or at least other bits."""
+    """Returns two reruns with other verdicts, or at least other bits; `None` if all are the same."""
     pairs = list(combinations(free, 2))
     verdicts = (pair for pair in pairs if pair[0].observation.verdict != pair[1].observation.verdict)
     bits = (pair for pair in pairs if pair[0].observation.bits != pair[1].observation.bits)
@@ -76,7 +76,10 @@ def _commands(trial: Trial) -> list[bytes]:
 
 
 def _command_in_words(one: RunOutputs, other: RunOutputs) -> str | None:
-    """Describes the first command in which two runs differ: `at 0.25 s in the commands: 1.0 and 0.1`."""
+    """Describes the first command in which two runs differ: `at 0.25 s in the command wheels: 1.0 and 0.1`.
+
+    Returns None if their commands are equal; both runs must have recorded them.
+    """
     assert one.actions is not None
     assert other.actions is not None
     log = ActionLog(one.actions)

@@ -84,7 +84,7 @@ class Trials:
         return [each.observation for each in trials]
 
     def weights(self) -> Weights:
-        """Returns the factors that can be held here, weighted by what the reruns have used."""
+        """Returns the factors that can be held on this machine, weighted by what the reruns have used."""
         can_box = self._box.level == "box" or _has_boxes()
         return weights_of(
             self._used,
@@ -165,7 +165,7 @@ class Trials:
 
 
 def observation_of(hold: Hold, outcome: RunOutcome, outputs: RunOutputs) -> Observation:
-    """Returns what is compared of a rerun."""
+    """Returns what is compared of a rerun: its verdict (without a result its failure code or status) and its bits."""
     verdict = outputs.result.verdict if outputs.result else outcome.failure_code or outcome.status
     return Observation(hold.held, verdict, _bits(verdict, outputs), hold.values)
 

@@ -38,7 +38,7 @@ class BundleFiles:
         return here if here is not None else self._fetched(artifact)
 
     def remove_others(self) -> None:
-        """Deletes local copies of installation files that no open deployment to robots needs."""
+        """Deletes local copies of installation files (`.swu`) that no open deployment to robots needs."""
         wanted = {f"{sha256}.swu" for sha256 in self._keeper.files()}
         for path in self._folder().glob("*.swu"):
             if path.name not in wanted:

@@ -50,7 +50,10 @@ def show_wave(job: Resource, rollout: Rollout, number: int, robots: Sequence[str
 
 
 def report_end(job: Resource, service: Service) -> None:
-    """Writes the HTML report of a finished deployment, and shows in Prefect where it is."""
+    """Writes the HTML report of a finished deployment, and shows in Prefect where it is.
+
+    It never raises an error: a report that could not be written is logged.
+    """
     try:
         report = report_of(job, service)
         path = write_deployment(report, report_path(job, service))
@@ -178,7 +181,11 @@ class DeploymentRun:
             self._lease.forget_lost_workers()
 
     def _begun(self) -> KeptRollout | None:
-        """Starts the deployment to the robots, or finds it started; `None` if each has the application already."""
+        """Starts the deployment to the robots, or finds it started; `None` if a repetition or rollback has no robots.
+
+        Raises DeploymentError if each robot left the fleet before. Files and signatures are made before any robot is
+        told.
+        """
         from .attestations.required_batches import check_delivered  # it needs the extra `fleet`
 
         document = DeploymentJobDocument.of(self._job)
@@ -243,7 +250,7 @@ class DeploymentRun:
             self._look(kept)
 
     def _wait_for_approval(self, kept: KeptRollout) -> None:
-        """Waits and shows that the deployment needs approval, until a person has approved it or it has ended."""
+        """Waits until a person has approved the deployment or it has ended; Prefect shows that it needs approval."""
         if _is_decided(kept.rollout):
             return
 
@@ -298,7 +305,7 @@ class DeploymentRun:
         show_note(self._job.id.lower(), text)
 
     def _go_back(self) -> None:
-        """Creates the rollback job if one is due; if this fails, `robomaker serve` does it later."""
+        """Creates the rollback job if one is due; if the fleet is busy or gone, `robomaker serve` does it later."""
         document = DeploymentJobDocument.of(self._job)
         failed = document.rolls_back.job if document.rolls_back else self._job.arn
         with suppress(ResourceNotFoundException, ThrottlingException):
@@ -308,7 +315,7 @@ class DeploymentRun:
         self._lease.transition("fail", FailureChanges(failure_code=code, failure_reason=shorten(reason)))
 
     def _settle(self) -> None:
-        """Updates the status of the fleet's robots, also after a run that died before it could."""
+        """Updates the status of the fleet's robots, also for a run that died before it could, if the fleet is free."""
         gone_or_busy = suppress(ResourceNotFoundException, ThrottlingException)
         with gone_or_busy, fleet_held(str(self._job.parent), self._service) as fleet:
             settle(fleet, self._service)

@@ -105,7 +105,7 @@ def robots_of(fleet: str, service: Service, page: int = _PAGE) -> list[Resource]
 
 
 def last_deployment(fleet: str, service: Service) -> Resource | None:
-    """Returns the newest deployment job of a fleet; only this one may be unfinished."""
+    """Returns the newest deployment job of a fleet, the only one that may be unfinished; `None` if it has had none."""
     page = service.catalog.list(DEPLOYMENT, filters={"parent": [fleet]}, limit=1)
     return page.resources[0] if page.resources else None
 
@@ -232,7 +232,7 @@ class KnownRobots:
         self._ids: dict[str, str] = {}
 
     def refresh(self, service: Service) -> None:
-        """Adds newly enrolled robots to the table, and removes those that were deleted or have new tokens."""
+        """Adds newly enrolled robots to the table, expels those that were deleted, and takes over new tokens."""
         found = _enrolled(service)
         for robot in self._by_id.keys() - found.keys():
             self._orders.expel(robot)

@@ -96,7 +96,7 @@ class KeptRollout:
         self._load()
 
     def keep_alive(self) -> None:
-        """Stores that the service ran until now, so that a later gap counts as an outage and extends time limits."""
+        """Stores that the service ran until now; a later gap counts as an outage, which extends time limits."""
         self._ledger.pass_time(self._now_s())
         if not self._store(self._ledger, ()):
             self._load()
@@ -106,7 +106,10 @@ class KeptRollout:
         return Rollouts(self._service.catalog).rollout_revision(self.job.arn) != self._read.revision
 
     def note_rollback(self, rollback: Rollback) -> None:
-        """Stores the state of the rollback, in which robots return to the application version they had before."""
+        """Stores the state of the rollback, in which robots return to the application version they had before.
+
+        It tries again if another process has changed the deployment, and raises an error after some tries.
+        """
         for _ in range(_MAX_ATTEMPTS):
             if self.rollout.rollback == rollback:
                 return
@@ -251,7 +254,7 @@ def has_orders(rollout: Rollout) -> bool:
 
 
 def set_robot_status(robot: str, fleet: str, status: str, service: Service) -> None:
-    """Sets the status of a robot, unless the robot was deleted or has left the fleet."""
+    """Sets the status of a robot in the catalog; does nothing if the robot was deleted or has left the fleet."""
 
     def unchanged(stored: Stored) -> RobotMembership:
         if RobotDocument.model_validate(stored).fleet != fleet:

@@ -174,7 +174,7 @@ class OrderKeeper:
         self._lock = threading.Lock()
 
     def sync(self, rollouts: Iterable[OpenRollout]) -> None:
-        """Updates the table of orders from the rollouts, those of older jobs first."""
+        """Updates the table of open orders from the rollouts, those of older jobs first."""
         wishes = _Wishes(self._robots)
         for rollout in rollouts:
             wishes.add(rollout)
@@ -244,7 +244,7 @@ class OrderKeeper:
 
 
 def _oldest(wanted: list[_Wanted], state: RobotState) -> _Wanted | None:
-    """Returns the oldest order that the robot has not closed."""
+    """Returns the oldest wanted order that the robot has not closed; `None` if it has closed all."""
     fresh = [each for each in wanted if each.order.action_id > state.last_action_id]
     return min(fresh, key=lambda each: each.order.action_id, default=None)
 

@@ -92,7 +92,7 @@ class OrderWatch:
         self._woken.set()
 
     def stop(self) -> None:
-        """Stops the thread that watches robots and rollouts, after its current poll."""
+        """Stops the thread that watches robots and rollouts, and waits until its current look has ended."""
         self._is_stopped = True
         self._woken.set()
         self._thread.join()
@@ -139,7 +139,7 @@ class OrderWatch:
         return is_busy
 
     def _tell(self, problem: str) -> None:
-        """Logs a problem once, and once that it is over."""
+        """Logs a problem of the orders' refresh once, and once that it is over."""
         if problem != self._problem:
             LOGGER.warning("%s", problem or "robots get orders again")
         self._problem = problem

@@ -81,7 +81,10 @@ def forecast_run(
 
 
 def forecast_step(probe: StepProbe, whole: WholeStep, places: Places) -> StepForecast:
-    """Forecasts time and disk space of one step of a run from a probe's measurements."""
+    """Forecasts time (s) and disk space (bytes) of one step of a run from a probe's measurements.
+
+    A step without jobs and worlds takes as long as it took in the probe.
+    """
     if probe.jobs and whole.jobs:
         return _forecast_jobs(probe, whole, places)
     if probe.worlds:
@@ -242,7 +245,7 @@ def keep_forecast(forecast: Forecast, spec: CheckedSpec, settings: Settings) -> 
 
 
 def find_forecast(spec: CheckedSpec, settings: Settings) -> Forecast | None:
-    """Reads the stored forecast of a specification; `None` if there is none that can be read."""
+    """Reads the stored forecast of a specification; `None` if there is none or it cannot be read, which is logged."""
     path = _place(spec, settings)
     try:
         return Forecast.model_validate_json(path.read_bytes())
@@ -256,7 +259,7 @@ def find_forecast(spec: CheckedSpec, settings: Settings) -> Forecast | None:
 def check_forecast(
     spec: CheckedSpec, settings: Settings, steps: Sequence[StepRecord], started_at: datetime, ended_at: datetime
 ) -> ForecastCheck | None:
-    """Compares a finished run to its forecast; `None` if there is no forecast or some step failed."""
+    """Compares a finished run's wall time to its forecast; `None` without one, or if a step failed or was skipped."""
     if any(is_bad(step.status) or step.status == "Skipped" for step in steps):
         return None
     forecast = find_forecast(spec, settings)

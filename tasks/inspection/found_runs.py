@@ -125,7 +125,7 @@ def _job_of(reference: str, service: Service) -> Resource | None:
 
 
 def _check_ended(job: Resource) -> None:
-    """Raises an error for a run that has not ended: its files are incomplete, and a rerun would use its containers."""
+    """Raises ConfigurationError if a job has not ended: its files are incomplete, and it may still use containers."""
     if not is_terminal(job.kind, job.status):
         raise ConfigurationError(
             f"{job.arn} has not ended, it is {job.status}: wait until it is Completed, Failed or Canceled, or cancel it"
@@ -133,7 +133,10 @@ def _check_ended(job: Resource) -> None:
 
 
 def _fetch_of_job(job: Resource, folder: Path, service: Service) -> Sha256Of:
-    """Copies the records of a job's last run from the object store, or from its folder on this machine."""
+    """Copies the records of a job's last run to a folder, from the object store or from its folder on this machine.
+
+    Raises ConfigurationError if the job has no outputs in either place.
+    """
     document = SimulationJobDocument.of(job)
     kept = service.settings.home / "jobs" / job.id / str(document.run_id) / "output"
     if place := document.outputs:
@@ -172,7 +175,10 @@ def _copy(outputs: Path, folder: Path) -> Sha256Of:
 
 
 def _sha256_of_left(file: Path) -> str | None:
-    """Computes the SHA-256 of a file without reading it into memory; None if it is not a regular file."""
+    """Computes the SHA-256 of a file without reading it into memory; `None` if there is no such regular file.
+
+    Raises StorageError if the file cannot be read.
+    """
     try:
         with open_left(file) as content:
             return hashlib.file_digest(content, "sha256").hexdigest()
@@ -183,7 +189,10 @@ def _sha256_of_left(file: Path) -> str | None:
 
 
 def _copy_left(file: Path, copy: Path) -> None:
-    """Copies a regular file that untrusted code may have made: no links, no FIFOs."""
+    """Copies a regular file that untrusted code may have made; does nothing if the file is missing.
+
+    Raises StorageError if it is a link or a FIFO, or cannot be read.
+    """
     try:
         with open_left(file) as left, copy.open("xb") as right:
             shutil.copyfileobj(left, right)
@@ -305,7 +314,10 @@ def _row_of(run: FoundRun, number: int) -> TrialRow | None:
 
 
 def _failure_code(run: FoundRun, number: int, row: TrialRow | None) -> str | None:
-    """Returns the failure code with which a trial ended, if it crashed."""
+    """Returns the failure code with which a trial of a run crashed; `None` if it did not crash.
+
+    Raises ConfigurationError if the trial has not finished.
+    """
     if row is not None:
         return row.failure_code
     document = SimulationJobDocument.of(run.job) if run.job is not None else None

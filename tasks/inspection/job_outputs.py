@@ -42,7 +42,11 @@ if TYPE_CHECKING:
 
 
 def outputs_of(place: StoredPlace | None, service: Service) -> tuple[list[ReportedFile], RunResult | None, bytes, int]:
-    """Reads the outputs of a simulation run: file list, result, poster image, and number of removed files."""
+    """Reads the outputs of a simulation run: file list, result, poster image (PNG), and number of removed files.
+
+    Without outputs, or if they cannot be read, the parts are empty: no file, `None`, no bytes, 0. A run that left no
+    manifest has only its list of files.
+    """
     if place is None:
         return [], None, b"", 0
     bucket, prefix = place.bucket, place.prefix
@@ -122,7 +126,10 @@ def digests_of(jobs: Sequence[JobRecord], service: Service) -> dict[str, str]:
 
 
 def _stored_world(request: Mapping[str, Any], service: Service) -> tuple[Path | None, str, str]:
-    """Returns the description of the world that a request names, the digest of its content, and why there is none."""
+    """Returns the file of the world that a job's request names, the digest of its content, and why it cannot be read.
+
+    The file is `None` and the texts are empty if the request names no world, or one that is not in the catalog.
+    """
     arn = world_arn(request)
     world = service.catalog.get_many([arn]).get(arn) if arn else None
     bundle = WorldDocument.of(world).bundle if world is not None else None
@@ -135,7 +142,7 @@ def _stored_world(request: Mapping[str, Any], service: Service) -> tuple[Path | 
 
 
 def _unfinished(bucket: str, prefix: str, service: Service) -> list[ReportedFile]:
-    """Lists the files of a crashed or killed run, which has no manifest; its logs tell the cause."""
+    """Lists the files of a crashed or killed run, which has no manifest; empty if the object store cannot be read."""
     try:
         return [
             ReportedFile(
@@ -150,7 +157,7 @@ def _unfinished(bucket: str, prefix: str, service: Service) -> list[ReportedFile
 
 
 def judged_without_outputs(document: SimulationJobDocument) -> RunResult:
-    """Makes a result from the verdict in the catalog, for a run whose result file cannot be read."""
+    """Makes a result from the verdict in the catalog, for a run whose result file cannot be read; a note says so."""
     took_s = (document.simulation_time_millis or 0) / 1000
     return RunResult(
         verdict=document.verdict or "NONE",
@@ -165,7 +172,7 @@ def judged_without_outputs(document: SimulationJobDocument) -> RunResult:
 
 
 def places_of(jobs: Sequence[ReportedJob], service: Service) -> dict[str, StoredPlace]:
-    """Returns where each job's outputs are in the object store, by ARN."""
+    """Returns where each job's outputs are in the object store, by the job's ARN; jobs without outputs are left out."""
     stored = service.catalog.get_many(job.arn for job in jobs if job.arn)
     found = {arn: SimulationJobDocument.of(resource).outputs for arn, resource in stored.items()}
     return {arn: place for arn, place in found.items() if place is not None}
@@ -174,7 +181,11 @@ def places_of(jobs: Sequence[ReportedJob], service: Service) -> dict[str, Stored
 def write_results(
     jobs: Sequence[JobRecord], places: Mapping[str, StoredPlace], service: Service, folder: Path
 ) -> ResultTable:
-    """Writes the table of a run's results, with all trials of its jobs, to a file."""
+    """Writes the table of a run's results, with all trials of its jobs, into the run's folder, and returns it.
+
+    If results of some jobs are lost by now, the table that was written before is kept and returned, if it can be
+    read.
+    """
     lost = False
 
     def trials_of(job: JobRecord) -> "pa.Table | None":
@@ -292,7 +303,7 @@ def inputs_of_request(request: Mapping[str, Any], seed: int | None) -> JobInputs
 
 
 def _requirements_digest(request: Mapping[str, Any]) -> str | None:
-    """Returns the hash of a request's requirements, from its member or the launch variable."""
+    """Returns the hash of a request's requirements, from its member or the launch variable; `None` without any."""
     configs = [config for role in _APPLICATIONS for config in request.get(role) or ()]
     variables = [(config.get("launchConfig") or {}).get("environmentVariables") or {} for config in configs]
     asked = [request.get("requirements"), *(each.get(REQUIREMENTS_VARIABLE) for each in variables)]
@@ -383,7 +394,10 @@ def _names(document: SimulationJobDocument | None) -> set[tuple[str, str]]:
 
 
 def _completed(inputs: Sequence[JobInputs | None], asked: Sequence[set[tuple[str, str]]]) -> list[JobInputs | None]:
-    """Adds the applications that jobs request but did not record, if all other jobs used the same ones."""
+    """Adds the applications that jobs request but did not record, if all other jobs used the same ones.
+
+    An application that jobs used in several contents is not added.
+    """
     known: dict[tuple[str, str], set[str]] = {}
     for each in inputs:
         for used in each.applications if each else ():

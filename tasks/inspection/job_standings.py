@@ -52,7 +52,7 @@ def why_not_completed(answer: Mapping[str, Any]) -> str | None:
 
 
 def _inspect_command(operation: str, arn: str, jobs: Sequence[JobRecord]) -> str:
-    """Returns a command line that shows the reason of a failure."""
+    """Returns a command line that shows the reason of a failure: of a step's worst job, else of the step itself."""
     worst = worst_job(jobs)
     if worst is not None and worst.arn is not None:
         if worst.status == "Completed":

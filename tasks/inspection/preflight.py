@@ -201,7 +201,10 @@ def _rooms(arn: str, service: Service) -> Rooms | None:
 
 
 def _room_problems(step: CheckedStep, rooms_of: RoomsOf) -> Iterator[Problem]:
-    """Yields problems of goals in rooms that existing worlds do not have, or in which the robot starts."""
+    """Yields problems of goals in rooms that existing worlds do not have, or in which the robot starts.
+
+    Jobs in worlds that are not known before the run are not checked.
+    """
     for path, order in _orders(plain(step.input), f"steps.{step.name}.input"):
         if not isinstance(order.get("requirements"), list):
             continue
@@ -219,7 +222,7 @@ def _room_problems(step: CheckedStep, rooms_of: RoomsOf) -> Iterator[Problem]:
 
 
 def _written_world(order: Mapping[str, Any]) -> str | None:
-    """Returns the world of a job request, unless it is a reference to a step's output."""
+    """Returns the world that a job request names; `None` if it names none, or refers to a step's output."""
     found: Any = order
     for key in ("simulationApplications", "worldConfigs"):
         found = found.get(key) if isinstance(found, Mapping) else None

@@ -85,7 +85,7 @@ def time_in_place_s(ended: Sequence[datetime], at_once: int) -> float:
 
 
 def _job_costs(step: StepRecord, service: Service) -> list[JobCost]:
-    """Returns the costs of a step's jobs, in request order."""
+    """Returns the costs of a step's jobs, in request order, with unused time between jobs; empty for other steps."""
     if not step.arn:
         return []
     if step.operation == JOB:
@@ -134,7 +134,7 @@ def _size_bytes(place: StoredPlace | None, service: Service) -> int:
 
 
 def _archive_bytes(arn: str, service: Service) -> int:
-    """Returns the size of an export job's archive in bytes."""
+    """Returns the size of an export job's archive in bytes; 0 if the object store cannot be read."""
     bucket, key = archive_place(service.catalog.get(arn, kind="world-export-job"))
     try:
         return sum(item.size_bytes for item in service.store.list(bucket, key))

@@ -150,7 +150,10 @@ def _compared(reference: str, first: RunOutputs, again: RunOutputs) -> Verificat
 
 
 def _with_manifest(verification: Verification, alterations: list[str]) -> Verification:
-    """Adds output files that were changed after the run to a verification, as equal states are not enough."""
+    """Adds output files that were changed after the run to a verification of it, which then says that the run diverged.
+
+    A verification that is not bit-identical, or without changed files, is returned as it is.
+    """
     if verification.answer != "bit-identical" or not alterations:
         return verification
     more = len(alterations) - _MOST_ALTERATIONS

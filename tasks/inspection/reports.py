@@ -130,7 +130,7 @@ def rebuild_report(
 
 
 def _gathered(record: RunRecord, service: Service) -> tuple[Report, list[JobRecord], ResultTable]:
-    """Returns a run's report from stored data, its jobs' short records, and the table of results, which it writes."""
+    """Returns a run's report, its jobs' records and the table of results; writes the table and why jobs failed."""
     report = report_of(record, service)
     places = places_of(report.jobs, service)
     jobs = job_records(report.jobs, places, service)
@@ -154,7 +154,7 @@ def _gathered(record: RunRecord, service: Service) -> tuple[Report, list[JobReco
 def _axis_results(
     record: RunRecord, jobs: Sequence[JobRecord], results: ResultTable, digests: Mapping[str, str]
 ) -> list[AxisResult]:
-    """The results by the axes of the run's steps; the arms of a challenge are compared by its own table."""
+    """The results by the axes of the run's steps; empty if no job has axes or the run is a challenge."""
     if record.challenge is not None or not any(job.axes for job in jobs):
         return []
     from ..comparison.arms import axis_results  # imports scipy, which other runs do without
@@ -179,14 +179,14 @@ def _state_of_challenge(of_steps: RunState, challenge: Challenge) -> RunState:
 
 
 def _with_changes(report: Report, record: RunRecord) -> Report:
-    """Adds the changes since the last run to a report; for a rerun, how each job ended before."""
+    """Adds the changes since the last run to a report; a run that is no night, such as a rerun, has none."""
     if not is_night(record):
         return report
     return report.model_copy(update={"since_last": since_last(NightRun.of(record), record.run_dir.parent)})
 
 
 def report_of(record: RunRecord, service: Service) -> Report:
-    """Collects the report of an earlier run from stored data."""
+    """Collects the report of an earlier run from the catalog and the object store; writes nothing."""
     reported = jobs_of(record.steps, service, record.rerun_of)
     return Report(
         name=record.name,
@@ -517,7 +517,7 @@ def _job_record(job: ReportedJob, name: str, place: StoredPlace | None, service:
 
 
 def _worlds(steps: Sequence[StepRecord], jobs: Sequence[ReportedJob], service: Service) -> list[ReportedWorld]:
-    """Returns the worlds that steps created or jobs used, each once."""
+    """Returns the worlds that steps created or jobs used, each once, without those deleted or not readable."""
     names = _names_of_worlds(steps, jobs, service)
     worlds = []
     for arn in _arns_of_worlds(steps, jobs):

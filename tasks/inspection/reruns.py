@@ -137,7 +137,10 @@ def failed_again(arn: str, service: Service) -> dict[str, Any] | None:
 
 
 def _orders(step: StepRecord, service: Service) -> list[_Order]:
-    """Returns the jobs of a step with their requests, in the order of the requests; empty for steps without jobs."""
+    """Returns the jobs of a step with their requests, in the order of the requests; empty for steps without jobs.
+
+    Requests whose jobs were never made are among them, with the status `NotCreated`.
+    """
     if step.arn is None or step.operation not in (_BATCH, "CreateSimulationJob"):
         return []
     jobs = jobs_of([step], service)
@@ -251,7 +254,10 @@ def _jobs_meant(text: str, jobs: Sequence[ReportedJob], run_id: str) -> list[str
 
 
 def _worlds_meant(text: str, jobs: Sequence[ReportedJob], run_id: str) -> list[str]:
-    """The worlds of a run that a text means: all of those whose ARNs end so, or the one of that name or id."""
+    """Returns the ARNs of a run's worlds that a text means: all whose ARNs end so, or the one of that name or id.
+
+    Raises ConfigurationError if it means none, or the beginning of an id means several.
+    """
     names = {job.world_arn: job.world_name or "" for job in jobs if job.world_arn}
     ends = [arn for arn, name in names.items() if text in (arn, name) or arn.endswith((f"/{text}", f":{text}"))]
     found = ends or [arn for arn in names if begins_id(text, short_name(arn))]
@@ -267,7 +273,7 @@ def _worlds_meant(text: str, jobs: Sequence[ReportedJob], run_id: str) -> list[s
 
 
 def _titles(jobs: Sequence[ReportedJob], labels: Sequence[str] | None = None) -> Iterator[str]:
-    """Names of jobs with their ids."""
+    """Yields the names of jobs with their ids, of all jobs or of those with the given labels."""
     for job in jobs:
         if labels is None or job.label in labels:
             yield with_id(job.name, job.label)

@@ -129,7 +129,11 @@ def _body_as_made(step: CheckedStep, request: CreateWorldTemplateRequest, body: 
 
 
 def _plan_application(step: CheckedStep, request: Mapping[str, Any], plan: _Plan) -> dict[str, Any]:
-    """Returns the expected response of a step that creates an application, as far as jobs need it."""
+    """Returns the expected response of a step that creates an application, as far as jobs need it, and creates nothing.
+
+    The application is noted in the plan, so that later steps find it. One that exists is taken over if the step says
+    so.
+    """
     role = _ROLES[step.operation]
     existing = plan.service.catalog.find(f"{role}-application", request["name"])
     if existing is not None and step.if_exists == "reuse":
@@ -214,7 +218,7 @@ def _what_changed(step: str, index: int, inputs: ReuseInputs, plan: _Plan) -> st
 
 
 def _jobs_of(step: StepRecord, plan: _Plan) -> Mapping[int, SimulationJobDocument]:
-    """Returns the jobs of an earlier run's step that are still in the catalog, by the index of their request."""
+    """Returns the jobs of an earlier run's step that are still in the catalog, by their request's index, from 0."""
     arn = step.arn or ""
     if arn not in plan.jobs:
         catalog = plan.service.catalog

@@ -49,7 +49,7 @@ def read_record(path: Path) -> RunRecord:
 
 
 def write_record(record: RunRecord) -> None:
-    """Writes the record of a run into its folder, atomically."""
+    """Writes the record of a run into the run's folder, in a file that is replaced as a whole."""
     path = record.run_dir / RECORD_NAME
     part = path.with_name(f"{RECORD_NAME}.part")
     part.write_text(record.model_dump_json(indent=2, exclude_none=True))
@@ -84,7 +84,7 @@ def find_records(runs: Path, name: str, most: int = MOST_NIGHTS, before: datetim
 
 
 def run_before(record: RunRecord) -> RunRecord | None:
-    """Returns the previous full run of the same specification; cancelled ones are left out."""
+    """Returns the previous full run of the same specification, cancelled ones left out; `None` if there is none."""
     for path in _latest_first(record.run_dir.parent, record.name):
         with suppress(ConfigurationError, OSError):
             earlier = read_record(path)

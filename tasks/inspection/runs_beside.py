@@ -154,7 +154,7 @@ class RunBeside:
         return with_skipped(answer, steps).model_copy(update=counts)
 
     def _unpaired(self, begun: Sequence[StepRecord]) -> int:
-        """Counts the requests without a pair whose jobs did not run to their end."""
+        """Counts requests of begun steps without a partner in the other run whose jobs did not run to their end."""
         asked = [self._asked(step) for step in begun]
         pairs = pair_jobs(self._before.jobs, [request for each in asked for request in each.requests])
         paired = {id(pair.after) for pair in pairs.pairs}
@@ -177,7 +177,7 @@ class RunBeside:
         return [int(place) for place, failure in document.failed.items() if failure.failure_code not in STOP_EVENTS]
 
     def ended_count(self, steps: Sequence[StepRecord]) -> int:
-        """Counts the ended jobs of steps, which is fast."""
+        """Counts the ended simulation jobs of steps, without reading the jobs."""
         return sum(
             count
             for step in steps
@@ -228,7 +228,7 @@ class RunBeside:
         return self._requests[arn]
 
     def _look(self, step: StepRecord, asked: _Asked, earlier: Mapping[int, JobRecord]) -> None:
-        """Reads the results of the jobs that have ended since the last call."""
+        """Reads results of a step's jobs that have ended since the last call; adds their pairs to the comparison."""
         arn = step.arn or ""
         new = {
             place: job

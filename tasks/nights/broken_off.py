@@ -105,7 +105,10 @@ def unfinished_nights(settings: Settings, name: str) -> list[MissedNight]:
 
 
 def broken_off(folder: Path, settings: Settings, now: datetime | None = None) -> BrokenOff | None:
-    """Returns the interrupted run in a folder; `None` if the run was not interrupted."""
+    """Returns the interrupted run in a folder; `None` if the run was not interrupted, has ended, or goes on.
+
+    A run of another machine counts as interrupted only after some silence.
+    """
     if not has_broken_off(folder) or (order := read_order(folder)) is None:
         return None
     if (folder / RECORD_NAME).is_file():

@@ -91,7 +91,10 @@ class _Notes:
 
 
 def _remove(path: Path, file: TextIO, service: Service) -> None:
-    """Deletes what a file has notes of, the latest first, and the file."""
+    """Deletes the resources of which a file has notes, the latest first, and then the file.
+
+    Resources that were there before the note, or are gone, are left alone; so are lines that cannot be read.
+    """
     file.seek(0)
     for line in reversed(file.read().splitlines()):
         try:

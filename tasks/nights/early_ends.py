@@ -137,7 +137,10 @@ class EarlyEnd:
                 return
 
     def _note_decided(self, answer: AgainstAnswer, run: OpenRun | None) -> None:
-        """Stores the answer before jobs are cancelled, so that no process takes the cancelled jobs for lost ones."""
+        """Stores the answer before jobs are cancelled, so that no process takes the cancelled jobs for lost ones.
+
+        Tells the listener of it; that it could not be stored is only logged.
+        """
         try:
             if run is not None:
                 run.change(decided=answer)

@@ -37,7 +37,7 @@ def environment_of_run(spec: CheckedSpec, service: Service) -> NeededEnvironment
 
 
 def _packages(found: list[Mapping[str, Any]], service: Service) -> dict[str, str] | None:
-    """Returns the digests of packages that the run imports; `None` if it uses only built-in code."""
+    """Returns the digests of the packages that the run imports, by name; `None` if it uses only built-in code."""
     packages: dict[str, str] = {}
     imports_own = False
     for each in found:

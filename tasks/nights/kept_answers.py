@@ -40,7 +40,10 @@ class KeptAnswers:
     def __call__(
         self, step: CheckedStep, request: dict[str, Any], carry_out: Callable[[], dict[str, Any]]
     ) -> dict[str, Any]:
-        """Sends a step's request, or returns the stored response of an earlier process."""
+        """Sends a step's request and stores the response, or returns the response that an earlier process stored.
+
+        Of a job only its ARN is stored. Errors of the request are raised, and nothing is stored then.
+        """
         place = self._place(step.name)
         if place not in self._kept:
             answer = self._permit(step, request, carry_out)

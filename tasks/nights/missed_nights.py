@@ -85,7 +85,7 @@ def note_schedule(home: Path, deployment: str, name: str, now: datetime) -> None
 
 
 def schedules_of(home: Path) -> list[NightSchedule]:
-    """Lists the recorded schedules of a data home, grouped by specification."""
+    """Lists the recorded schedules of a data home, grouped by specification; those that cannot be read are left out."""
     found: list[NightSchedule] = []
     for path in (home / _FOLDER).glob("*.json"):
         with suppress(OSError, ValidationError):
@@ -94,7 +94,7 @@ def schedules_of(home: Path) -> list[NightSchedule]:
 
 
 def store_schedule(home: Path, schedule: NightSchedule) -> None:
-    """Stores the result of a check of a schedule; keeps the specification's name as the last run recorded it."""
+    """Stores the result of a check of a schedule in the data home, with the specification's name of the last run."""
     with _writing(home):
         known = _known(home, schedule.deployment)
         _write(home, schedule if known is None else schedule.model_copy(update={"name": known.name}))
@@ -105,7 +105,7 @@ def _known(home: Path, deployment: str) -> NightSchedule | None:
 
 
 def _write(home: Path, schedule: NightSchedule) -> None:
-    """Writes the record of a schedule atomically."""
+    """Writes the record of a schedule into the data home, in a file that is replaced as a whole."""
     folder = home / _FOLDER
     part = folder / f".{schedule.deployment}.part"
     part.write_text(schedule.model_dump_json(indent=2))
@@ -144,7 +144,10 @@ def missed_nights(home: Path, name: str) -> list[MissedNight]:
 
 @contextmanager
 def only_one(home: Path) -> Iterator[bool]:
-    """Tries to lock the check for missed nights inside the `with` block; yields whether this process got the lock."""
+    """Tries to lock the check for missed nights within the block; yields whether this process got the lock.
+
+    It does not wait. The folder of the lock is made if it is missing.
+    """
     folder = home / _FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / _LOCK).open("w") as lock:

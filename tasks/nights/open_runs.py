@@ -48,7 +48,7 @@ class OpenRun:
 
     @classmethod
     def begin(cls, folder: Path, order: Order) -> Self:
-        """Stores the order of a run that begins in this process, and locks the run."""
+        """Stores the order of a run that begins in this process, and locks the run until the run or process ends."""
         lock = os.open(folder / LOCK, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_CREAT, 0o600)
         fcntl.flock(lock, fcntl.LOCK_EX)  # waits a moment where another process just looks whether it goes on
         run = cls(folder, order, lock)
@@ -108,7 +108,11 @@ class OpenRun:
             (self.folder / CANCEL).touch()
 
     def change(self, **members: Any) -> None:
-        """Changes the stored order of the run, atomically."""
+        """Changes members of the stored order of the run, in a file that only this user may read.
+
+        The file is replaced as a whole and written to disk before, so that a loss of power leaves the old or the new
+        one.
+        """
         self.order = self.order.model_copy(update=members)
         part = self.folder / f".{ORDER}.part"
         # The specification may hold secrets.
@@ -136,7 +140,7 @@ class OpenRun:
         os.close(self._lock)
 
     def end(self) -> None:
-        """Deletes the stored order of a finished run."""
+        """Deletes the stored order, answers and lock of a finished run; a second call does nothing."""
         if self._ended.is_set():
             return
         self._ended.set()
@@ -163,7 +167,10 @@ def read_order(folder: Path) -> Order | None:
 
 
 def is_going(folder: Path) -> bool:
-    """Whether the process that carries out a run is alive: it holds the lock file in the run's folder."""
+    """Whether the process that carries out a run is alive: it holds the lock file in the run's folder.
+
+    It is false if there is no such file.
+    """
     try:
         with lock_of(folder) as lock:
             fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)

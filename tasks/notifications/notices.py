@@ -87,7 +87,7 @@ def _pictures(failures: Sequence[JobRecord], service: Service) -> dict[str, byte
 
 
 def _picture(job: SimulationJobDocument, service: Service) -> bytes:
-    """Returns a picture of a job (PNG); empty if there is none."""
+    """Returns a picture of a job (PNG): its poster, else its world from above; empty if there is neither."""
     if poster := _fetched(job.outputs, "poster.png", service):
         return poster
     arn = world_arn(job.request)
@@ -146,7 +146,10 @@ class LongWaits:
         return -1.0 if self._since_s is None else self._clock() - self._since_s
 
     def _tell(self, why: str) -> None:
-        """Sends the notification; never raises an error, as a message is not worth a run."""
+        """Sends a notification that a run waits for disk space; tells the listener of channels that failed.
+
+        It never raises an error, as a message is not worth a run.
+        """
         body = f"{why}\n\nIt goes on by itself when there is room; robomaker gc removes old runs."
         message = Message(f"{self._name}: waits for disk", body, good=False)
         try:

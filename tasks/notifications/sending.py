@@ -108,7 +108,7 @@ def _named(place: int) -> str:
 
 @contextmanager
 def _complaints() -> Iterator[list[str]]:
-    """Collects apprise's log messages in this thread, inside the `with` block; other threads send to other channels."""
+    """Collects the warnings of the library that sends messages, in this thread and inside the block."""
     said: list[str] = []
     handler = logging.Handler(logging.WARNING)
     handler.addFilter(lambda record: record.thread == threading.get_ident())

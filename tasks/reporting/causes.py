@@ -27,7 +27,7 @@ class WhyView:
 
 
 def view_why(why: Why | None) -> WhyView | None:
-    """Computes the view of a run's causes of failures; `None` where there are none."""
+    """Computes the view of a run's causes of failures, with plots and the surest lifts; `None` if none are told."""
     if not is_told(why):
         return None
     return WhyView(

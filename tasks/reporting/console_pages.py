@@ -51,7 +51,7 @@ def pages_elsewhere(settings: Settings) -> ConsolePages:
 
 
 def note_console(home: Path, url: str) -> None:
-    """Stores the URL of this process's console in the data home."""
+    """Stores the URL of this process's console in the data home, in place of any other one."""
     part = home / f".{_NOTE}.{os.getpid()}.part"
     part.write_text(json.dumps({"url": url, "pid": os.getpid()}))
     part.replace(home / _NOTE)
@@ -64,7 +64,7 @@ def forget_console(home: Path) -> None:
 
 
 def _running(home: Path) -> str:
-    """Returns the console URL that `robomaker serve` has stored; empty if no server answers there."""
+    """Returns the console's URL that `robomaker serve` has stored; empty if no server answers there."""
     url = str(_read(home).get("url"))
     try:
         place = urlsplit(url)

@@ -39,7 +39,7 @@ def junit_xml(summary: ReportSummary) -> bytes:
 
 
 def _end_of_run(summary: ReportSummary) -> ElementTree.Element:
-    """Makes a test suite with one error, for a run that failed for a reason that no job or step has."""
+    """Makes a JUnit test suite with one error, for a run that failed for a reason that no job or step has."""
     name = f"{summary.name}.run"
     error = _told("error", summary.state, f"the run was not carried out as ordered: {summary.state}")
     case = _element("testcase", error, name="end of the run", classname=name, time=_seconds(0.0))
@@ -127,7 +127,7 @@ def _is_error(job: JobCase) -> bool:
 
 
 def _lines(job: JobCase, pages: ConsolePages) -> Iterator[str]:
-    """Yields the facts about a job for people, one per line."""
+    """Yields the facts about a job for people, one per line: its facts, requirements, remarks and metrics."""
     yield from (f"{name}: {value}" for name, value in _facts(job, pages))
     of_trials = any(item.name == "trials" for item in job.requirements)
     for item in job.requirements:
@@ -138,7 +138,7 @@ def _lines(job: JobCase, pages: ConsolePages) -> Iterator[str]:
 
 
 def _told(tag: str, kind: str, reason: str) -> ElementTree.Element:
-    """Makes an element whose message is the first line of a reason, and whose text is the whole reason."""
+    """Makes a JUnit element whose message is the cut first line of a reason, and whose text is the whole reason."""
     first = (reason.splitlines() or [""])[0]
     message = first if len(first) <= _MAX_MESSAGE else f"{first[: _MAX_MESSAGE - 1]}…"
     element = _element(tag, type=kind, message=message)

@@ -55,7 +55,10 @@ def markdown_report(summary: ReportSummary) -> str:
 
 
 def _results(summary: ReportSummary, pages: ConsolePages) -> Iterator[str]:
-    """Yields the tables of values in pairs, effects of axes, failures, missed requirements and jobs without a pass."""
+    """Yields the Markdown tables of values in pairs, effects of axes, failures, missed requirements and failed jobs.
+
+    A table that would be empty is left out.
+    """
     if found := [(axis, each) for axis in summary.axes for each in axis.comparisons]:
         rows = [
             f"| {_code(axis.step)} | {_code(f'{axis.axis}: {each.value} instead of {each.baseline}')} "
@@ -77,7 +80,7 @@ def _results(summary: ReportSummary, pages: ConsolePages) -> Iterator[str]:
 
 
 def _why(why: Why) -> Iterator[str]:
-    """A table of the groups of failures, those with a claim first."""
+    """Yields the lines of a Markdown table of groups of failures, those with a claim first, cut after some groups."""
     yield "| failure | trials | goes with | again |"
     yield "| --- | ---: | --- | --- |"
     groups = sorted(why.groups, key=lambda each: not each.claims)
@@ -107,7 +110,10 @@ def _head(summary: ReportSummary, jobs: int, pages: ConsolePages) -> str:
 
 
 def _counts(summary: ReportSummary, jobs: int) -> list[str]:
-    """Returns the numbers of jobs by outcome, of trials, and their success rate."""
+    """Returns the numbers of jobs by outcome, of trials, and their success rate, as texts of Markdown.
+
+    A known failure is counted as such, and not as failed.
+    """
     counts = dict(summary.counts)
     passed = counts.pop(Outcome.PASSED.value, 0)
     told = [f"**{passed} of {jobs} jobs passed**" if jobs else "**no simulation jobs**"]
@@ -140,7 +146,7 @@ def _requirements(missed: list[Share]) -> Iterator[str]:
 
 
 def _jobs(bad: list[JobCase], pages: ConsolePages) -> Iterator[str]:
-    """Yields a collapsible table of the jobs that did not pass, the worst first."""
+    """Yields the lines of a collapsible table of the jobs that did not pass, the worst first, cut after some jobs."""
     count = "1 job" if len(bad) == 1 else f"{len(bad)} jobs"
     yield f"<details{' open' if len(bad) == 1 else ''}><summary>{count} did not pass</summary>"
     yield ""

@@ -63,7 +63,10 @@ def count_outcomes(jobs: Iterable[ReportedJob]) -> dict[Outcome, int]:
 
 
 def headline(report: Report) -> str:
-    """Summarises a run in one sentence: `3 of 4 jobs passed; 1 failed`."""
+    """Summarises a run in one line without a full stop: `3 of 4 jobs passed; 1 failed`.
+
+    A run of a challenge has that one's line; a run without jobs says how many worlds it made.
+    """
     if report.challenge is not None:
         return report.challenge.headline
     if not report.jobs:

@@ -141,7 +141,7 @@ def write_history(history: History, path: Path) -> Path:
 
 
 def write_page(page: str, path: Path) -> Path:
-    """Writes an HTML page to a file, atomically; creates its folder if needed."""
+    """Writes an HTML page to a file, which is replaced as a whole; creates its folder, and returns its path."""
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:

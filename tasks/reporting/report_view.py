@@ -192,7 +192,10 @@ class Page:
 
     @property
     def times(self) -> str:
-        """Time of the run by activity: `worlds 12 s, waiting 3 s, simulation 80 s, videos 40 s, uploads 5 s`."""
+        """Time of the run by activity: `worlds 12 s, simulation 80 s, videos of failures 40 s, uploads 5 s`.
+
+        Jobs whose results were taken over from earlier runs do not count; empty if there are no others.
+        """
         jobs = [job.job for job in self.jobs if job.job.reused_from is None]
         if not jobs:
             return ""
@@ -286,14 +289,17 @@ def _view_job(job: ReportedJob, index: int, worlds: Mapping[str, WorldView], bud
 
 
 def _missed(job: ReportedJob) -> list[str]:
-    """Returns the names of the requirements that determined the verdict."""
+    """Returns the names of the requirements that determined a job's verdict; empty if it passed or has no result."""
     if job.result is None or job.result.verdict not in ("FAIL", "ERROR"):
         return []
     return [item.name.replace("_", " ") for item in job.result.requirements if item.counts and not item.satisfied]
 
 
 def _job_plan(job: ReportedJob, world: WorldView | None) -> tuple[Markup | None, str]:
-    """Returns the floor plan of a job, and the text to show if it is missing."""
+    """Returns the floor plan of a job with its path, or `None`, and the text to show where there is no plan.
+
+    A job without a generated world has only its path, with that text.
+    """
     if job.result is None:
         return None, "The job left no result.json, so there is nothing to draw."
     if world is not None and world.content is not None and world.frame is not None:

@@ -82,7 +82,7 @@ def case_names(jobs: Sequence[ReportedJob]) -> list[str]:
 
 
 def why_broken(job: ReportedJob) -> str:
-    """Returns the reason why a job did not pass: missed requirements, its failure's reason, or a summary."""
+    """Returns the reason why a job did not pass: its failure's reason, missed requirements or summary; else empty."""
     if job.failure_reason:
         return outcomes.plain(job.failure_reason)
     if job.result is None:

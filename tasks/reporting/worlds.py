@@ -56,7 +56,10 @@ class WorldView:
 
 
 def view_worlds(report: Report, budget_bytes: int) -> list[WorldView]:
-    """Computes the world gallery of a report."""
+    """Computes the views of a report's worlds, each numbered and with the numbers of the jobs that drove in it.
+
+    Pictures for which `budget_bytes` does not suffice are left out, and the view says so.
+    """
     drives: dict[str, list[int]] = {}
     for number, job in enumerate(report.jobs, start=1):
         if job.world_arn:
@@ -161,7 +164,7 @@ def trials_share(job: ReportedJob) -> Share | None:
 
 
 def view_trials(job: ReportedJob) -> TrialsView | None:
-    """Computes the summary of a job's trials for a report; `None` for a job without trials."""
+    """Computes the summary of a job's trials for a report, with the worst cells; `None` without trials."""
     summary = TrialsSummary.of(job.result)
     if summary is None:
         return None

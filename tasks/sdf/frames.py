@@ -156,7 +156,7 @@ class Scope:
         return name
 
     def model_pose(self, name: str) -> Pose:
-        """Returns the pose of a nested SDF model."""
+        """Returns the pose of a nested SDF model; KeyError if there is none of that name."""
         return self.pose_of(self.nested[name])
 
     def pose_of(self, model: "Scope") -> Pose:

@@ -142,7 +142,10 @@ def _limits(axis: ET.Element | None, kind: str) -> tuple[float | None, float | N
 
 
 def _axis(axis: ET.Element | None, found: JointPlace, joint: Pose) -> Vector:
-    """Returns a joint's axis in the world's frame; before SDF 1.5 it was given in the model's frame."""
+    """Returns a joint's axis as a unit vector in the world's frame; before SDF 1.5 it was given in the model's frame.
+
+    A missing axis, or one of length 0, is the z axis.
+    """
     element = _child(axis, "xyz")
     along = np.array(numbers_of(element, 3, (0.0, 0.0, 1.0)))
     if not np.linalg.norm(along) > 0:

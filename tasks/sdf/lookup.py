@@ -103,7 +103,7 @@ class Lookup:
         return None
 
     def _inside(self, path: Path) -> Path | None:
-        """Raises an error for a file outside all search paths, as a world must not read arbitrary files of its user."""
+        """Returns a file's path if it is inside a search path, else `None`: worlds must not read any other file."""
         resolved = path.resolve()
         return path if any(resolved.is_relative_to(root) for root in self._roots) else None
 
@@ -131,7 +131,10 @@ class Lookup:
             yield self._package / inner
 
     def _fuel_folders(self, uri: str) -> Iterator[Path]:
-        """Yields folders in a cache of Fuel for the address of a model, the newest version first."""
+        """Yields folders in the caches of Gazebo Fuel for a model's address, the newest version first.
+
+        They may be missing. There are none for an address that is not one of Fuel.
+        """
         address = urlparse(uri)
         parts = [unquote(part) for part in address.path.split("/") if part]
         parts = parts[1:] if parts and parts[0].replace(".", "").isdecimal() else parts
@@ -154,7 +157,7 @@ def _rest(uri: str) -> str:
 
 
 def _package_of(world: Path) -> Path | None:
-    """Returns the folder of the ROS package that a world is in."""
+    """Returns the folder of the ROS package that a world is in; `None` if it is in none."""
     folders = list(world.resolve().parents)[:_LEVELS_UP]
     return next((folder for folder in folders if (folder / "package.xml").is_file()), None)
 
@@ -192,7 +195,10 @@ def _listed(folder: Path) -> list[Path]:
 
 
 def _described(folder: Path) -> FoundModel | None:
-    """Finds the model file with the newest SDF version that a `model.config` lists."""
+    """Finds the model file with the newest SDF version that a folder's `model.config` lists, else `model.sdf`.
+
+    Returns None if the folder has no model file.
+    """
     config = folder / "model.config"
     named: list[tuple[tuple[int, ...], str]] = []
     if config.is_file():

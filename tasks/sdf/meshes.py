@@ -133,7 +133,10 @@ class Meshes:
 
 
 def _submesh(parts: tuple[MeshPart, ...], name: str, path: Path) -> tuple[MeshPart, ...]:
-    """Returns the parts of a submesh; a file without any names, such as STL, has only one."""
+    """Returns the parts of the submesh of a name; all parts of a file without any names, such as STL.
+
+    Raises MeshError if no part has that name.
+    """
     there = [each for part in parts for each in part.names[:1] if each]
     for named in ([part for part in parts if name in part.names[:1]], [part for part in parts if name in part.names]):
         if named:
@@ -244,7 +247,10 @@ def _read_trimesh(content: bytes, path: Path, by_name: bool, lookup: Lookup) -> 
 
 
 def _files_beside(path: Path) -> Any:
-    """Reads the files that an OBJ or glTF file names, in its folder and below: only regular files of limited size."""
+    """Reads the files that an OBJ or glTF file names, in its folder and below: only regular files of limited size.
+
+    Its `get` raises FileNotFoundError for others.
+    """
     from trimesh.resolvers import FilePathResolver
 
     class Beside(FilePathResolver):

@@ -106,7 +106,10 @@ class _WorldReader:
         return self._roots[path]
 
     def _models(self, parent: ET.Element, folder: Path, depth: int) -> list[_Model]:
-        """Reads the models in a world or model, in the order of the file."""
+        """Reads the models in a world or model, in the order of the file, without included ones that are not found.
+
+        Raises SdfError if models are nested too deeply.
+        """
         if depth > _MOST_NESTED:
             raise SdfError(f"{place(parent)}: models are nested deeper than {_MOST_NESTED}, or include themselves")
         found: list[_Model] = []

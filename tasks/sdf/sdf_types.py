@@ -81,7 +81,7 @@ class Geometry:
 
     @property
     def said(self) -> str:
-        """Returns the name of the shape's kind in SDF."""
+        """Returns the name of the shape's kind in SDF: `polyline` for a prism."""
         return "polyline" if self.kind == "prism" else self.kind
 
 

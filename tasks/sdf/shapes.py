@@ -95,7 +95,10 @@ class ShapeReader:
         return Geometry("mesh", file=path, scale=(x, y, z), submesh=name or None, is_centred=is_centred)
 
     def _polylines(self, shapes: list[ET.Element], where: str) -> Geometry | None:
-        """Converts several polylines to one shape, as high as the first one: rings inside others are holes."""
+        """Converts several polylines to one prism, as high as the first one (metres): rings inside others are holes.
+
+        Returns None if none has three points or more; those with fewer are noted as left out.
+        """
         rings: list[Ring] = []
         for shape in shapes:
             corners = [numbers_of(point, 2, (0.0, 0.0)) for point in shape.findall("point")]
@@ -130,7 +133,10 @@ class ShapeReader:
         return min(max(wanted, 0.0), MOST_FRICTION)
 
     def material(self, visual: ET.Element, base: Path, where: str) -> Material:
-        """Parses the material of a visual: PBR first, then OGRE scripts, then plain colours."""
+        """Parses the material of a visual: PBR first, then OGRE scripts, then plain colours; gray if it has none.
+
+        Textures and materials that are not found are noted as left out.
+        """
         element = visual.find("material")
         if element is None:
             return Material()
@@ -159,7 +165,10 @@ class ShapeReader:
         return Material((*color[:3], color[3] * (1.0 - transparency)), None, True)
 
     def inertia(self, link: ET.Element, link_pose: Pose, where: str) -> Inertia | None:
-        """Parses a link's inertia, and corrects impossible values; `None` if the file has none."""
+        """Parses a link's mass (kg) and inertia (kg·m²); `None` if the file has none.
+
+        Impossible values are noted, and replaced: the inertia by `None`, a mass that is not above 0 by 1 kg.
+        """
         element = link.find("inertial")
         if element is None:
             return None

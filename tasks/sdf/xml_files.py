@@ -48,7 +48,10 @@ def read_bytes(path: Path, most_bytes: int) -> bytes:
 
 
 def similar_to(path: Path) -> str:
-    """Returns the end of an error message about a missing file: similarly named files in its folder."""
+    """Returns the end of an error message about a missing file: similarly named files in its folder, if it has some.
+
+    It is empty if the folder cannot be read.
+    """
     try:
         if not path.parent.is_dir():
             return f"; there is no folder {path.parent}"

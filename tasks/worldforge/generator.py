@@ -246,7 +246,11 @@ def _door_index(passages: Sequence[Passage], name: str) -> int:
 
 
 def _with_moved(world: World, name: str, move: Move) -> tuple[World, list[Change]]:
-    """Moves a piece of furniture together with all objects on it."""
+    """Returns the world with a piece of furniture moved together with all objects on it, and the changes.
+
+    Raises ConfigurationError if there is no such piece, it would leave all rooms, or it stands fast and cannot turn
+    so.
+    """
     piece = _piece(world, name)
     if not piece.movable and move.turn_deg % 90:
         raise ConfigurationError(

@@ -103,7 +103,10 @@ class WorldBuilders:
         return answer["content"]
 
     def _ask(self, order: str) -> dict[str, str]:
-        """Sends an order to the next idle builder, and returns its answer; a dead builder is replaced first."""
+        """Sends an order to the next idle builder, and returns its answer; a dead builder is replaced first.
+
+        It waits until a builder is idle.
+        """
         process = self._idle.get()
         try:
             if process.poll() is not None:

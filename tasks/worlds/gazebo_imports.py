@@ -89,7 +89,7 @@ def write_gazebo_bundle(wanted: GazeboImport, folder: Path, *, most_s: float = _
 
 
 def _check_existence(path: Path) -> None:
-    """Refuses a file that is not there, before a child process imports modules for a second."""
+    """Raises ConfigurationError for a file that is not there, before a child process imports modules for a second."""
     with suppress(OSError):  # which the child process tells
         if not path.exists():
             raise ConfigurationError(f"{path}: it does not exist{similar_to(path)}")

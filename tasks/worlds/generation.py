@@ -83,7 +83,10 @@ def _store(service: Service, job: Resource, index: int, world_arn: str, folder: 
 
 
 def publish_bundle(service: Service, prefix: str, folder: Path, created_at: datetime) -> None:
-    """Uploads a world's files under the prefix of their content hash; equal files are stored once."""
+    """Uploads a world's files under the prefix of their content hash, so that equal files are stored once.
+
+    Makes the bucket ready first. Errors of the object store are raised.
+    """
     prepare_bucket(service, service.settings.bucket)
     publish(
         service.store,

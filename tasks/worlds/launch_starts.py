@@ -179,7 +179,7 @@ def _mappings(node: Any, seen: set[int]) -> Iterator[dict[Any, Any]]:
 
 
 def _yaml_arguments(nodes: Sequence[dict[Any, Any]]) -> list[dict[str, float]]:
-    """Returns the default values of the launch file's own arguments, then the values it gives each file it includes."""
+    """Returns numbers: a launch file's own defaults of arguments, then the values it gives each included file."""
     own: list[tuple[str, float]] = []
     found: list[dict[str, float]] = []
     for node in nodes:
@@ -227,7 +227,7 @@ def _declared(call: ast.Call) -> tuple[ast.expr | None, ast.expr | None]:
 
 
 def _dictionary(value: ast.expr, constants: Mapping[str, ast.expr]) -> ast.Dict | None:
-    """Returns the dictionary of `{...}.items()`, `{...}`, or of a variable with one of these as its value."""
+    """Returns the dictionary of `{...}.items()`, `{...}`, or of a variable with one of these; else `None`."""
     for _ in range(4):
         if isinstance(value, ast.Call) and isinstance(value.func, ast.Attribute) and value.func.attr == "items":
             value = value.func.value

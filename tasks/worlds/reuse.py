@@ -66,7 +66,7 @@ def find_world_again(template_body: str, seeds: tuple[int, int], service: Servic
 
 
 def find_by_origin(origin: str, service: Service) -> Resource | None:
-    """Finds the newest stored world with the same origin (hash of template and seeds)."""
+    """Finds the newest world of an origin (hash of template and seeds); `None` if none is there with its files."""
     filters = {ORIGIN_LABEL: [origin]}
     world = next(iter(service.catalog.list("world", filters=filters, limit=1).resources), None)
     bundle = WorldDocument.of(world).bundle if world is not None else None

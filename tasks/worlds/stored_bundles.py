@@ -33,7 +33,10 @@ def bundle_label(bundle: StoredPlace) -> str:
 
 @contextmanager
 def bundle_held(bundle: StoredPlace, service: Service) -> Iterator[None]:
-    """Locks a world's stored files inside the `with` block: no world that shares them is added or deleted."""
+    """Locks a world's stored files inside the block: no world that shares them is added or deleted meanwhile.
+
+    It waits for the lock, which runs out after 120 s, when another process may take it.
+    """
     arn = service.arn("world", f"bundle/{bundle_label(bundle)}")
     owner = uuid.uuid4().hex
     while not _taken(arn, owner, service):

@@ -237,7 +237,7 @@ def _launch_files_of(package: str, homes: Set[str], launch_files: Sequence[Launc
 
 
 def _model_paths(package: Path, top: Path) -> Iterator[Path]:
-    """Returns the model folders that a package has or names, and its own folder, if they are in the workspace."""
+    """Yields the model folders that a package has or names, and the folder above it, if in the workspace."""
     named = []
     try:
         text = (package / MANIFEST).read_bytes()[:_MOST_BYTES].decode(errors="replace")

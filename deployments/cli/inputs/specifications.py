@@ -102,7 +102,11 @@ def read_request(given: str, operation: str) -> dict[str, Any]:
 
 
 def _text(given: str) -> tuple[str, str]:
-    """Returns the text of an operation's request, and its name for error messages."""
+    """Returns the text of an operation's request, and its name for error messages.
+
+    It is read from standard input (`-`) or a file, unless it is JSON itself. An error is raised if the file cannot be
+    read.
+    """
     if given == "-":
         return sys.stdin.read(), "standard input"
     if given.lstrip().startswith("{"):

@@ -34,7 +34,11 @@ _logger = logging.getLogger("prefect_robomaker.deployments.cli.ordered_run")
 
 
 def main() -> None:
-    """Entry point of a child process that carries out an ordered run."""
+    """Carries out an ordered run in this process; its lock is the first argument, and its order standard input.
+
+    It lowers its priority, and writes progress and problems into the run's folder if there is a file for them, else
+    into the log. It stops when the run's cancel file appears.
+    """
     lock = int(sys.argv[1])
     os.set_inheritable(lock, False)
     os.nice(NICENESS)
@@ -86,7 +90,7 @@ def _carry_out(run: OpenRun, settings: Settings, listener: ProgressListener) -> 
 
 
 def _log(event: ProgressEvent) -> None:
-    """Logs an event of the run to the file with the process's output."""
+    """Logs the end of a step, or a note, to the file with the process's output; other events are ignored."""
     if isinstance(event, StepEnded):
         _logger.warning("step %s: %s %s", event.step, event.status, event.detail)
     elif isinstance(event, Note):
@@ -108,7 +112,7 @@ def _key(order: Order, settings: Settings) -> AccessKey | None:
 
 
 def _watch(cancel: Path) -> None:
-    """Cancels the run when a server requests it, as Ctrl-C would."""
+    """Waits until a file exists, and then sends this process SIGTERM: the server that made the file cancels the run."""
     while not cancel.exists():
         time.sleep(_LOOK_S)
     os.kill(os.getpid(), signal.SIGTERM)

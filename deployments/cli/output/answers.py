@@ -95,7 +95,7 @@ def _time_text(value: object) -> str:
 
 
 def print_problems(problems: Sequence[Problem]) -> None:
-    """Prints a specification's problems to standard error, in GitHub workflows also as annotations."""
+    """Prints a specification's problems and their number to standard error, in GitHub workflows also as annotations."""
     for problem in problems:
         sys.stderr.write(f"{problem}\n")
     files = {problem.place.file for problem in problems}

@@ -118,7 +118,7 @@ def requirement_lines(changes: Sequence[RequirementChange]) -> list[str]:
 
 
 def changed_lines(record: RunRecord) -> list[str]:
-    """Formats a run's newly missed requirements and lost checks as text lines."""
+    """Formats a run's newly missed requirements and lost checks as text lines; empty for runs that are no nights."""
     if not is_night(record):
         return []
     since = since_last(NightRun.of(record), record.run_dir.parent)

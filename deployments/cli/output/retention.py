@@ -42,7 +42,7 @@ def _kept(items: Sequence[GcItem]) -> list[tuple[str, int]]:
 
 
 def _database(report: GcReport) -> str:
-    """Describes the size of Prefect's database, and the space in it that is freed; empty if that is unknown."""
+    """Describes the size of Prefect's database and the space in it that is or would be freed; empty if unknown."""
     told = report.flow_runs
     if told.database_bytes is None:
         return ""

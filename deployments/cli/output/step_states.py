@@ -72,7 +72,7 @@ class StepState:
         return f"waits for {IN_WORDS[self.waits_for]}" if self.waits_for and self.done < self.total else ""
 
     def pace(self, now_s: float) -> str:
-        """Returns a step's rate and expected time left: `0.5/s, 12 s to go`."""
+        """Returns a step's rate and expected time left: `0.5/s, 12 s to go`; empty if they are not known."""
         elapsed = now_s - self.started_s if self.started_s is not None else 0.0
         done, total = self.work
         if not done or done >= total or elapsed <= 0:
@@ -118,5 +118,5 @@ class Watcher(AbstractContextManager["Watcher"]):
     """Base class of progress displays: listeners that are active inside a `with` block."""
 
     def __call__(self, event: ProgressEvent) -> None:
-        """Handles an event of the run; from any thread."""
+        """Handles an event of the run, from any thread; each subclass shows it in its way."""
         raise NotImplementedError

@@ -139,7 +139,7 @@ def _known_lines(notes: Sequence[str]) -> list[list[Cell]]:
 
 
 def _remark_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
-    """Lists the remarks of jobs; a remark that many jobs share is one line."""
+    """Lists the remarks of jobs, a remark that many jobs share as one line; the list is cut after some lines."""
     by_remark: dict[str, list[str]] = {}
     for job in jobs:
         for remark in job.remarks:
@@ -192,7 +192,7 @@ def _cut(text: str) -> str:
 
 
 def _outputs(jobs: Sequence[JobRecord]) -> str:
-    """Returns the common folder of all jobs' outputs."""
+    """Returns the folder that all jobs' outputs have in common; empty if no job has outputs."""
     places = [job.output_uri.rstrip("/").split("/") for job in jobs if job.output_uri]
     if not places:
         return ""

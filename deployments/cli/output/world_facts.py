@@ -235,7 +235,7 @@ def _places(facts: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _origin(facts: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Describes the source of a world that no generation job made."""
+    """Yields the source and the changes of a world that no generation job made, each as a title and a text."""
     source, variation = facts["source"], facts["variation"]
     if source and source["form"] == "gazebo":
         yield from _gazebo_origin(source)
@@ -258,7 +258,7 @@ def _origin(facts: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _gazebo_origin(source: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Describes the world file that a world was imported from, and its parts that were left out."""
+    """Yields a world's Gazebo file, and its parts that were held or left out, each as a title and a text."""
     yield (
         "imported",
         f"{source['file']}, SDF {source['sdf_version']}, {source['models']} models, sha256 {source['sha256']}",

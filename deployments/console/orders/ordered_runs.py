@@ -42,7 +42,7 @@ class StepLine:
 
 
 def standing_of(run_id: str, visit: Visit) -> Standing | None:
-    """Returns the state of a run ordered here, if the visitor may see it."""
+    """Returns the state of a run ordered in the console; `None` if there is none that the visitor may see."""
     ordered = visit.context.spec_runs
     if ordered is None or not _RUN_ID.fullmatch(run_id) or (standing := ordered.standing(run_id)) is None:
         return None
@@ -67,7 +67,7 @@ def show(visit: Visit) -> Response:
 
 
 def follow(visit: Visit) -> Response:
-    """Streams changes of a run's web page until the run has ended."""
+    """Streams changes of a run's web page to the browser, which reloads the page when the run has ended."""
     run_id = visit.request.path_params["id"]
     _found(visit, run_id)
     parts = Parts()

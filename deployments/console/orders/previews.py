@@ -86,7 +86,10 @@ class Previews:
             asked.append(now)
 
     def _ask(self, request: str) -> dict[str, str]:
-        """Sends a request to the child process; restarts it if it has ended, and kills it if it does not answer."""
+        """Sends a request to the child process that draws plans, and returns its answer; empty if there is none.
+
+        A process that has ended is started again, once. One that does not answer in time is ended.
+        """
         for _ in range(2):
             process = self._process = self._process or self._started()
             assert process.stdin is not None

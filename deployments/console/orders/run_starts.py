@@ -77,7 +77,10 @@ class Draft:
 
 
 def show(visit: Visit) -> Response:
-    """Web page for ordering a run, with an empty or example specification."""
+    """Web page for ordering a run, with the shipped specification that the address names, or with an empty one.
+
+    Raises an error if the visitor may not order runs here.
+    """
     runs_of(visit)
     name = visit.parameter("spec")
     text = shipped_specs().get(name, "")
@@ -91,7 +94,10 @@ def check(visit: Visit) -> Response:
 
 
 def take(visit: Visit) -> Response:
-    """Handles the order form: checks the specification, and starts the run if asked and valid."""
+    """Handles the order form: checks the specification, and starts the run if the visitor asks for it and all is valid.
+
+    Each attempt to start is written to the audit log. The form comes again, with its problems, if no run was started.
+    """
     if visit.form.get("do") != "start":
         runs_of(visit)
         return _answer(visit, _checked(visit, _draft(visit), starts=False))
@@ -171,7 +177,11 @@ def _draft(visit: Visit) -> Draft:
 
 
 def _checked(visit: Visit, draft: Draft, *, starts: bool) -> Draft:
-    """Returns the draft with its problems, or with its plan; a run that starts must have values for all parameters."""
+    """Returns the draft of an order with its problems, or with its plan.
+
+    A run that starts must have values for all parameters; a check alone may lack some. Values of parameters that the
+    specification no longer declares are ignored.
+    """
     with _one_at_a_time():
         declared = declared_parameters(draft.text)
         # What was filled in for a parameter that is not there any more is kept for its return.

@@ -149,7 +149,10 @@ def body_of(draft: WorldsDraft) -> str:
 
 
 def draft_of(form: Mapping[str, str]) -> WorldsDraft:
-    """Reads the form's content from submitted fields."""
+    """Reads the draft of a template and its worlds from submitted form fields; without rooms it has some to begin with.
+
+    Texts are cut after 300 characters, and rooms and ways after the most that the form takes.
+    """
     given = {
         name: form[name][:300]
         for name in ("template", "name", "outline", "height", "doors", "plans", "interiors", "seed", "tags")
@@ -179,7 +182,7 @@ def _connection(way: WayFields, rooms: tuple[RoomFields, ...]) -> dict[str, Any]
 
 
 def _materials(draft: WorldsDraft, what: str) -> list[dict[str, Any]]:
-    """Returns a material set for each room whose material was chosen."""
+    """Returns a template's material set for each room whose floor or wall material was chosen, not left to its type."""
     chosen = [str(getattr(room, what)) for room in draft.rooms]
     return [
         {
@@ -238,7 +241,10 @@ _PREVIEWS = Previews()
 
 
 def show(visit: Visit) -> Response:
-    """Web page with the form for ordering worlds."""
+    """Web page with the form for ordering worlds, of the template that the address names or of a new one.
+
+    Raises ResourceNotFoundException if the visitor may not see that template.
+    """
     _check(visit, visit.parameter("template"))
     draft = WorldsDraft(template=visit.parameter("template"))
     return _page(visit, _with_plan(visit, draft))
@@ -252,7 +258,11 @@ def preview(visit: Visit) -> Response:
 
 
 def take(visit: Visit) -> Response:
-    """Handles the form's buttons: add or remove rooms, preview, or order the worlds."""
+    """Handles the buttons of the worlds form: add or remove rooms and ways, preview the plan, or order the worlds.
+
+    An order that is refused brings the form back with its problems and status 400. Raises ResourceNotFoundException
+    if the visitor may not see the chosen template.
+    """
     draft = draft_of(visit.form)
     _check(visit, draft.template)
     does = visit.form.get("do", "")
@@ -272,7 +282,10 @@ def take(visit: Visit) -> Response:
 
 
 def _create(visit: Visit, draft: WorldsDraft) -> Response:
-    """Creates the template if it is new, and orders the worlds."""
+    """Creates the template of the form if it is new, orders its worlds, and redirects to the generation job's page.
+
+    Raises InvalidParameterException if a field is wrong or too many worlds are asked for; nothing was created then.
+    """
     tags = _tags(draft.tags)
     plans, interiors = whole(draft.plans, "floor plans"), whole(draft.interiors, "interiors of each")
     if reason := too_many_worlds(plans, interiors, visit.service.settings.max_worlds_per_job):
@@ -302,7 +315,10 @@ def _check(visit: Visit, template: str) -> None:
 
 
 def _with_plan(visit: Visit, draft: WorldsDraft) -> WorldsDraft:
-    """Returns a draft with the floor plan of its first world, or with its problems."""
+    """Returns a draft with the floor plan of its first world, as a picture in a data URL, or with its problems.
+
+    Raises ResourceNotFoundException if the visitor may not see the chosen template.
+    """
     try:
         if draft.template:
             body = WorldTemplateDocument.of(visit.find(_TEMPLATE, draft.template)).template_body

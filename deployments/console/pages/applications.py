@@ -25,7 +25,10 @@ def show_all(visit: Visit) -> Response:
 
 
 def show(visit: Visit) -> Response:
-    """Web page of one application."""
+    """Web page of one robot or simulation application, with its newest versions and jobs.
+
+    Raises ResourceNotFoundException if there is no such kind, or no such application that the visitor may see.
+    """
     kind = visit.request.path_params["kind"]
     if kind not in KINDS:
         raise ResourceNotFoundException(f"there is no kind of applications called {kind!r}")

@@ -22,7 +22,10 @@ _PAGE_LENGTH = 10
 
 
 def compare_runs(visit: Visit) -> Response:
-    """Web page that compares two runs job by job."""
+    """Web page that compares two runs job by job.
+
+    Raises ResourceNotFoundException if the visitor may not see a run, or if both names are of one run.
+    """
     names = [visit.parameter(which) for which in ("before", "after")]
     before, after = (_record_path(name, visit) for name in names)
     if before == after:
@@ -32,7 +35,11 @@ def compare_runs(visit: Visit) -> Response:
 
 
 def compare_cells(visit: Visit) -> Response:
-    """Web page that compares two values of an axis of a run, job by job."""
+    """Web page that compares two values of an axis of a run, job by job.
+
+    Raises ResourceNotFoundException if there is no such run or axis, or if both values are the same; raises
+    InvalidParameterException if the number of a value is out of range.
+    """
     run, step, name = (visit.parameter(which) for which in ("run", "step", "axis"))
     record = read_record(_record_path(run, visit))
     axis = next((each for each in axes_of(record.jobs) if (each.step, each.name) == (step, name)), None)
@@ -46,7 +53,10 @@ def compare_cells(visit: Visit) -> Response:
 
 
 def _page(visit: Visit, sides: Sides, query: dict[str, str]) -> Response:
-    """Shows some of the pairs, by the number of the first one in the address."""
+    """Shows some of the compared pairs of jobs, from the number that the address has as `from`, else the first ones.
+
+    Raises InvalidParameterException if that number is none from 1 to the number of pairs.
+    """
     first = _number(visit, "from", max(len(sides.pairs), 1), least=1) if visit.parameter("from") else 1
     seen = {job.arn for job in _seen(visit, sides, first)}
 

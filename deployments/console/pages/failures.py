@@ -44,7 +44,7 @@ class FailureGroup:
 
     @property
     def newest(self) -> JobLine:
-        """The job that failed so last."""
+        """The newest of the jobs that failed for this reason."""
         return self.jobs[0]
 
     @property
@@ -122,7 +122,10 @@ def _missed(record: JobRecord) -> list[str]:
 
 
 def show_all(visit: Visit) -> Response:
-    """Web page with failures by reason, or with all jobs of one group."""
+    """Web page with failures by reason, or with all jobs of the group that the address names.
+
+    A group that is not there any more has no jobs on its page.
+    """
     groups = failure_groups(visit)
     wanted = tuple(visit.parameter(name) for name in ("specification", "reason", "known"))
     one = next((each for each in groups if (each.specification, each.reason, each.known) == wanted), None)

@@ -32,7 +32,10 @@ def show_all(visit: Visit) -> Response:
 
 
 def show(visit: Visit) -> Response:
-    """Web page with the history of one specification."""
+    """Web page with the history of one specification's runs, as far as the visitor may see them.
+
+    Raises ResourceNotFoundException if there is no such run.
+    """
     name, runs = visit.request.path_params["name"], _runs(visit)
     known = sorted(runs.glob(f"{name}-*/run.json")) if is_spec_name(name) else []
     if not known:
@@ -54,7 +57,10 @@ def _runs(visit: Visit) -> Path:
 
 @lru_cache(maxsize=8)
 def _history(name: str, runs: Path, count: int, changed_at: int) -> HistoryPage | None:
-    """Returns the history of a specification's runs; cached until a run is added or removed."""
+    """Returns the history of a specification's runs; cached until the number of runs or the newest one changes.
+
+    It is `None` if no run can be read.
+    """
     del count, changed_at
     found = find_records(runs, name, _MOST_NIGHTS)
     return _view(name, runs, found.records, found.left_out)

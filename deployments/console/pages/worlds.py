@@ -36,7 +36,7 @@ _OPEN_PAGE = {**_KEPT, "content-security-policy": "sandbox allow-scripts; frame-
 
 
 def show_all(visit: Visit) -> Response:
-    """Web page with the gallery of worlds."""
+    """Web page with the gallery of worlds that the visitor may see, of one template or tag if the address names it."""
     template = visit.parameter("template")
     templates = visit.service.catalog.list(_TEMPLATE, limit=_MOST_TEMPLATES, members=())
     seen = visit.seen(templates.resources)
@@ -75,7 +75,10 @@ def _indented(body: str) -> str:
 
 
 def show_of_job(visit: Visit) -> Response:
-    """Web page with the gallery of a world generation job."""
+    """Web page with the gallery of a world generation job.
+
+    Raises ResourceNotFoundException if the visitor may see no such job.
+    """
     job = visit.find(GENERATION, visit.request.path_params["id"])
     worlds, next_token = _listed(visit, {"generationJobId": [job.id]})
     return visit.page(
@@ -92,7 +95,10 @@ def show_of_job(visit: Visit) -> Response:
 
 
 def show(visit: Visit) -> Response:
-    """Web page of one world."""
+    """Web page of one world: its drawing, proofs, broken guarantees, and the template it was made from.
+
+    Raises ResourceNotFoundException if the visitor may see no such world.
+    """
     world = visit.find(WORLD, visit.request.path_params["id"])
     view = view_report(report_of_world(world.arn, visit.service)).worlds[0]
     content = view.content
@@ -109,7 +115,10 @@ def show(visit: Visit) -> Response:
 
 
 def _made_from(world: Resource, visit: Visit) -> dict[str, Any]:
-    """Returns the template of a world, the name that it had then, and whether it has another body since."""
+    """Returns the template of a world, the name that it had then, and whether it has another body since.
+
+    The name is that of the template now where the world does not record one, and empty if neither is known.
+    """
     document = WorldDocument.of(world)
     found = visit.service.catalog.get_many(filter(None, (document.template, world.parent)))
     template, job = found.get(document.template or ""), found.get(world.parent or "")
@@ -125,7 +134,10 @@ def _made_from(world: Resource, visit: Visit) -> dict[str, Any]:
 
 
 def show_in_3d(visit: Visit) -> Response:
-    """Web page with a 3D view of a world."""
+    """Web page with a 3D view of a world.
+
+    Raises ResourceNotFoundException if the visitor may see no such world.
+    """
     # Imports MuJoCo and what makes meshes, 25 MB that `serve` does not need otherwise.
     from ....tasks.worldforge.viewer.viewer_page import viewer_page
 
@@ -134,7 +146,10 @@ def show_in_3d(visit: Visit) -> Response:
 
 
 def send_preview(visit: Visit) -> Response:
-    """Sends the picture of a world from above to the browser."""
+    """Sends the picture of a world from above, a PNG, to the browser.
+
+    Raises ResourceNotFoundException if the visitor may see no such world, ObjectNotFoundError if it cannot be drawn.
+    """
     world = visit.find(WORLD, visit.request.path_params["id"])
     picture = preview_of(world, visit.service)
     if not picture:

@@ -153,7 +153,10 @@ def send_timeline(visit: Visit) -> Response:
 def _poses(
     place: StoredPlace | None, timeline: JobTimeline, files: Mapping[str, int], service: Service
 ) -> RecordedPoses:
-    """Reads the poses of a run: of its recording, else the places of its result, which have no headings."""
+    """Reads the poses of a run from its recording, else from the places of its result, which have no headings.
+
+    The answer says in a sentence why the recording is not used, if it is not.
+    """
     path = [] if timeline.result is None else finite_path(timeline.result)
     missing = "There is no recording."
     name = timeline.folder + _RECORDING
@@ -190,7 +193,7 @@ def _rounded(pose: Pose) -> list[float | None]:
 
 
 def _in_step(name: str, recorded: RunTimeline | None, result: RunResult | None) -> FilmTimes | None:
-    """Returns the times of a video if they are recorded and fit the run; one that lasts otherwise is not in step."""
+    """Returns the times of a video that follows the run; `None` if they are not recorded or do not fit the run."""
     times = None if recorded is None else recorded.videos.get(name)
     if times is None or result is None:
         return times
@@ -228,7 +231,10 @@ def _missing(folder: str, result: RunResult | None, recorded: RunTimeline | None
 
 
 def _end_s(result: RunResult | None, recorded: RunTimeline | None) -> float:
-    """Returns the simulated time at the end; of a run that left no result the last one of which anything is known."""
+    """Returns the simulated time in seconds at which a run ended: of its result, or the last one known.
+
+    It is 0 if nothing is known or the time is not finite.
+    """
     if result is not None:
         ends = [result.sim_time_s]
     elif recorded is not None:

@@ -187,7 +187,10 @@ def _parsed(request: ServiceRequest) -> Signature:
 
 
 def _signed_at(request: ServiceRequest) -> datetime:
-    """Returns the time at which a request was signed, from `X-Amz-Date` or else `Date`."""
+    """Returns the time at which a request was signed, from its header `X-Amz-Date` or else `Date`.
+
+    Raises IncompleteSignatureException if it has neither, or one of another form.
+    """
     amazon, plain = request.headers.get("x-amz-date"), request.headers.get("date")
     try:
         if amazon is not None:
@@ -201,7 +204,10 @@ def _signed_at(request: ServiceRequest) -> datetime:
 
 
 def _check_coverage(request: ServiceRequest, signature: Signature) -> None:
-    """Raises an error if the signature does not cover all relevant headers."""
+    """Checks that the signature covers all relevant headers.
+
+    Raises InvalidSignatureException, which names the headers, if one is not signed or is missing.
+    """
     present = set(request.headers.keys())
     needed = {"host"} | {name for name in present if name.startswith("x-amz-")}
     needed |= {"date"} if "x-amz-date" not in present else set()

@@ -124,7 +124,10 @@ class JobCallers:
         )
 
     def _check_created(self, job: Resource, own: Mapping[str, Any], members: Mapping[str, Any]) -> None:
-        """Checks that a job creates only jobs like itself: same role, applications, inputs and outputs."""
+        """Checks that a job creates only jobs like itself: same role, applications, inputs and outputs.
+
+        Raises AccessDeniedException, which names the member, if the new job's request has anything else.
+        """
         for what, given, allowed in self._compared(own, members):
             if given not in allowed:
                 raise AccessDeniedException(

@@ -103,12 +103,12 @@ def only_visible(key: AccessKey, shape: OperationShape, answer: dict[str, Any], 
 
 
 def is_visible(key: AccessKey, resource: Resource, catalog: Catalog) -> bool:
-    """Whether an access key may see a resource."""
+    """Whether an access key may see a resource: by name or tags, if built in, or as a world of a visible job."""
     return not key.is_confined or _is_open(key, resource) or _goes_with_its_job(key, resource, catalog)
 
 
 def named_resources(request: Any, member: str = "") -> Iterator[str]:
-    """Yields the resources (ARNs, application names) that a request names."""
+    """Yields the resources (ARNs, application names) that a request names at any depth, but not those in free text."""
     if isinstance(request, Mapping):
         for name, value in request.items():
             if name not in _FREE_TEXT:

@@ -64,7 +64,10 @@ def show_all(visit: Visit) -> Response:
 
 
 def show(visit: Visit) -> Response:
-    """Web page of one fleet, with its robots and deployments."""
+    """Web page of one fleet, with its robots and newest deployments that the visitor may see.
+
+    Raises ResourceNotFoundException if the visitor may see no such fleet.
+    """
     fleet = visit.find(FLEET, visit.request.path_params["id"])
     standing = fleet_standing(fleet, visit.service)
     jobs = visit.service.catalog.list(DEPLOYMENT, filters={"parent": [fleet.arn]}, limit=_MOST_DEPLOYMENTS)
@@ -86,7 +89,10 @@ def show_robots(visit: Visit) -> Response:
 
 
 def show_robot(visit: Visit) -> Response:
-    """Web page of one robot."""
+    """Web page of one robot, with its deployments that the visitor may see.
+
+    Raises ResourceNotFoundException if the visitor may see no such robot.
+    """
     robot = visit.find(ROBOT, visit.request.path_params["id"])
     document = RobotDocument.of(robot)
     last = visit.service.catalog.get_many(filter(None, [document.last_deployment_job, document.installed_by]))
@@ -96,13 +102,19 @@ def show_robot(visit: Visit) -> Response:
 
 
 def show_deployment(visit: Visit) -> Response:
-    """Web page of one deployment to robots."""
+    """Web page of one deployment to robots.
+
+    Raises ResourceNotFoundException if the visitor may see no such deployment.
+    """
     job = visit.find(DEPLOYMENT, visit.request.path_params["id"])
     return visit.page("deployment.html.j2", **_shown(job, visit))
 
 
 def follow_deployment(visit: Visit) -> Response:
-    """Streams changes of a deployment's web page."""
+    """Streams changes of a deployment's web page until the deployment has ended.
+
+    Raises ResourceNotFoundException if the visitor may see no such deployment.
+    """
     job_id = visit.request.path_params["id"]
     visit.find(DEPLOYMENT, job_id)
     parts = Parts()

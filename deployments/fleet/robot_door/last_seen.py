@@ -18,7 +18,7 @@ class LastSeen:
         self._seen: dict[str, float] = {}
 
     def note(self, robot: str, at_s: float) -> None:
-        """Records that a robot polled."""
+        """Records the time (s) at which a robot polled, to pass it on with others a little later."""
         if not self._seen:
             asyncio.get_running_loop().call_later(self._interval_s, self.flush)
         self._seen[robot] = at_s

@@ -132,7 +132,10 @@ class RolloutPlan(StoredPart):
 
     @model_validator(mode="after")
     def _checked(self) -> Self:
-        """Raises an error for a plan whose robots are missing, repeated or unknown."""
+        """Checks the robots of a rollout's plan, and returns the plan.
+
+        Raises InvalidParameterException if it has none, one twice, or a canary that is none of them.
+        """
         known = _each_once("robots", self.order)
         if not known:
             raise InvalidParameterException(

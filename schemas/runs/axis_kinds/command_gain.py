@@ -21,7 +21,7 @@ class CommandGainAxis(NumberAxis):
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Returns a function that sets the factor on the robot's commands."""
+        """Returns a function that sets the factor on the robot's commands; `None` is as built."""
         gains = rig.command_gains
         built = gains.whole
 

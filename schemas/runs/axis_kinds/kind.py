@@ -302,7 +302,10 @@ class NumberAxis(Axis):
         return self
 
     def _numbers(self, values: Sequence[str]) -> list[float]:
-        """Converts texts to numbers; the error names all texts that are invalid."""
+        """Converts the texts of an axis's values to numbers.
+
+        Raises ValueError, which names all texts that are invalid.
+        """
         numbers: list[float] = []
         wrong: list[str] = []
         for place, text in enumerate(values):
@@ -374,7 +377,7 @@ class LidarAxis(NumberAxis):
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Returns a function that sets one of the errors of the robot's lidar."""
+        """Returns a function that sets one of the errors of the robot's lidar; `None` is as built."""
         lidar = rig.lidar
         built = getattr(lidar, cls.error)
 

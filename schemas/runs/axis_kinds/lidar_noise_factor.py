@@ -22,7 +22,7 @@ class LidarNoiseFactorAxis(NumberAxis):
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Returns a function that scales the noise of the robot's lidar."""
+        """Returns a function that scales the noise of the robot's lidar; `None` is as built."""
         lidar = rig.lidar
         built = lidar.noise_std_m
 

@@ -21,7 +21,7 @@ class MotorDelayAxis(NumberAxis):
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Returns a function that sets the delay of the robot's commands."""
+        """Returns a function that sets the delay of the robot's commands in seconds; `None` is as built."""
         commands = rig.commands
         built = commands.delay_s
 

@@ -24,7 +24,7 @@ class OdometryDriftAxis(NumberAxis):
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Finds the errors of the robot's odometry."""
+        """Returns a function that sets the drift of the robot's odometry; `None` is as built."""
         odometry = rig.odometry
         built = odometry.drift_std_m
 

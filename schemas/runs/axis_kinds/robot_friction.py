@@ -25,7 +25,7 @@ class RobotFrictionAxis(NumberAxis):
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Returns a function that scales the friction of the geoms of robot and floor that touch."""
+        """Returns a function that scales the friction of robot and floor where they touch; `None` is as built."""
         geoms, pairs = rig.touching_geoms, rig.touching_pairs
 
         def set_factor(factor: float | None) -> None:

@@ -21,7 +21,7 @@ class RobotMassAxis(NumberAxis):
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Returns a function that scales the masses and inertias of the robot's bodies."""
+        """Returns a function that scales the masses and inertias of the robot's bodies; `None` is as built."""
         bodies = rig.robot_bodies
 
         def set_factor(factor: float | None) -> None:

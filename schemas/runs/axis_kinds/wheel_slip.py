@@ -23,7 +23,7 @@ class WheelSlipAxis(NumberAxis):
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Finds the slip of the robot's wheels."""
+        """Returns a function that sets the slip of the robot's wheels; `None` is as built."""
         wheels = rig.wheels
         built = wheels.slip
 

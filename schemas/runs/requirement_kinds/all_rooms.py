@@ -52,7 +52,10 @@ class AllRoomsRule(Rule[AllRoomsRequirement]):
         """Simulated time of the first check, in seconds: recordings may have no pose at 0."""
 
     def bind(self, scene: Scene) -> Look:
-        """Finds the rooms to visit; each check determines which room the body is in."""
+        """Finds the rooms to visit, and returns the check that determines at each look which room the body is in.
+
+        Raises RequirementError if there is no world, or if `ignore` fits none of its rooms.
+        """
         if scene.world is None:
             raise self.cannot("it asks for the rooms of a world, but there is no world")
         rooms = {each.name: each.polygon for each in scene.world.floorplan.rooms}
@@ -70,13 +73,16 @@ class AllRoomsRule(Rule[AllRoomsRequirement]):
         return look
 
     def begin(self, rooms: Mapping[str, Sequence[Point]] | Sequence[str]) -> None:
-        """Sets the rooms that have to be visited."""
+        """Sets the rooms that have to be visited; without any, the requirement cannot be judged."""
         self._rooms = tuple(rooms)
         if not self._rooms:
             self.fail("ignore leaves no room")
 
     def update(self, time_s: float, room: str | None) -> None:
-        """Records a visit to the room that the body is in; `None`: it is in no room."""
+        """Records a visit to the room that the body is in; `None`: it is in no room. Visits after `by_s` do not count.
+
+        The requirement cannot be judged if the robot starts in the only room.
+        """
         self._began_s = time_s if self._began_s is None else self._began_s
         if not self.is_reached and self.asked.by_s is not None and time_s > self.asked.by_s + ROUNDING_S:
             self.violate(self.asked.by_s)

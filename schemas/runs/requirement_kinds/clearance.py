@@ -27,7 +27,7 @@ class ClearanceRule(Rule[ClearanceRequirement]):
     _other = ""
 
     def bind(self, scene: Scene) -> Look:
-        """Connects the rule to a simulation's distance meter."""
+        """Connects the rule to a simulation's distance meter; returns the check that records nearer distances."""
         measure = scene.clearance(self)
 
         def look(time_s: float) -> None:
@@ -38,7 +38,7 @@ class ClearanceRule(Rule[ClearanceRequirement]):
         return look
 
     def update(self, time_s: float, distance_m: float, other: str) -> None:
-        """Records the current smallest distance and the nearest object."""
+        """Records the current smallest distance in metres and the nearest object; one below `min_m` is a violation."""
         if distance_m < self.nearest_m:
             self.nearest_m, self._other = distance_m, other
         if distance_m < self.asked.min_m:

@@ -52,7 +52,10 @@ class CoverageRule(Rule[CoverageRequirement]):
         self._last: Point | None = None
 
     def bind(self, scene: Scene) -> Look:
-        """Finds the free floor; each check adds the cells that the robot passes over."""
+        """Finds the free floor, and returns the check that adds the cells that the robot passes over.
+
+        Raises RequirementError if there is no world; with no free cells the requirement cannot be judged.
+        """
         asked, position, floor = self.asked, scene.position(self), scene.floor(self)
         if floor is None:
             raise self.cannot("it asks for the floor of a world, but there is no world")
@@ -73,7 +76,10 @@ class CoverageRule(Rule[CoverageRequirement]):
         return look
 
     def update(self, time_s: float, passed: Set[int]) -> None:
-        """Adds cells of the free floor, by number, that the body has passed over."""
+        """Adds cells of the free floor, by number, that the body has passed over; those after `by_s` do not count.
+
+        The requirement cannot be judged if the first cells are already enough.
+        """
         if not self.is_reached and self.asked.by_s is not None and time_s > self.asked.by_s + ROUNDING_S:
             self.violate(self.asked.by_s)
             return  # what comes too late does not count

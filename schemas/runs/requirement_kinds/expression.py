@@ -159,7 +159,7 @@ class ExpressionRule(Rule[ExpressionRequirement]):
         return None
 
     def _rates(self, time_s: float, here: tuple[float, ...], yaw: float) -> tuple[float, float]:
-        """Returns speed in m/s and turn rate in deg/s since the last sample."""
+        """Returns speed in m/s and turn rate in deg/s since the last sample; 0 and 0 for the first one."""
         last, self._last = self._last, (time_s, here, yaw)
         if last is None or time_s <= last[0]:
             return 0.0, 0.0
@@ -167,7 +167,10 @@ class ExpressionRule(Rule[ExpressionRequirement]):
         return math.dist(here, last[1]) / passed_s, math.remainder(yaw - last[2], 360.0) / passed_s
 
     def update(self, time_s: float, values: Mapping[str, float]) -> None:
-        """Records a sample of all signals of the formula."""
+        """Records a sample of all signals of the formula at a simulated time in seconds; fills periods without a look.
+
+        With too many periods the requirement cannot be judged, which is recorded.
+        """
         count = len(next(iter(self.samples.values())))
         # A look that came late is the sample of the next period; the last of a run may come before its time.
         number = max(count, math.ceil(time_s / self.asked.period_s - 1e-6))
@@ -209,7 +212,7 @@ class ExpressionRule(Rule[ExpressionRequirement]):
         return None
 
     def remark(self) -> str | None:
-        """Returns a note about conditions that were never true."""
+        """Returns a note about conditions that were never true, so that nothing was tested; else `None`."""
         if self.error is not None or self._found is None or not self._found.idle:
             return None
         never = ", ".join(in_words(each) for each in self._found.idle)

@@ -105,7 +105,10 @@ class GoalRule(Rule[GoalRequirement]):
         self._before = goal_named(self.asked.after, before)
 
     def bind(self, scene: Scene) -> Look:
-        """Connects the goal's rule to a simulation: each check measures the distance to the goal."""
+        """Connects the goal's rule to a simulation; returns the check that measures the distance to the goal in metres.
+
+        A goal that is a room of no world is an error.
+        """
         goal, position = self.asked, scene.position(self)
         if goal.room is None:
             x, y = goal.x or 0.0, goal.y or 0.0
@@ -119,7 +122,10 @@ class GoalRule(Rule[GoalRequirement]):
         return look
 
     def update(self, time_s: float, distance_m: float) -> None:
-        """Records the distance to the goal; 0 inside a room, infinite outside."""
+        """Records the distance to the goal in metres; 0 inside a room, infinite outside.
+
+        A goal that is not reached by `by_s` is violated.
+        """
         goal = self.asked
         self._began_s = time_s if self._began_s is None else self._began_s
         is_its_turn = self.is_due
@@ -142,7 +148,7 @@ class GoalRule(Rule[GoalRequirement]):
         return self.asked.by_s or 0.0
 
     def remark(self) -> str | None:
-        """Returns a note about a goal that was reached before the robot moved."""
+        """Returns a note about a goal that was reached before the robot moved; `None` for any other."""
         is_ordinary = self._before is None and self.asked.by_s is None
         is_at_start = self.reached_s is not None and self.reached_s == self._began_s
         if is_at_start and is_ordinary and self._end_s:
@@ -175,7 +181,7 @@ class GoalRule(Rule[GoalRequirement]):
 
 
 def goal_named(name: str | None, before: Sequence[Rule[Any]]) -> GoalRule | None:
-    """Finds the rule of a goal by name among the rules of requirements."""
+    """Finds the rule of a goal by name among the rules of requirements; `None` if there is none."""
     return next((rule for rule in before if isinstance(rule, GoalRule) and rule.asked.name == name), None)
 
 

@@ -130,7 +130,7 @@ class RequirementKind(Shape):
 
     @classmethod
     def packages(cls, requirement: Mapping[str, Any]) -> Iterator[str]:  # noqa: ARG003 - for those who need it
-        """Returns the Python packages whose code judges a requirement."""
+        """Yields the Python packages whose code judges a requirement, other than this one."""
         own = cls.__module__.partition(".")[0]
         if own != __name__.partition(".")[0]:
             yield own
@@ -276,7 +276,7 @@ class Numbers:
 
     @property
     def margin(self) -> float | None:
-        """Difference between value and limit, positive if the requirement is met."""
+        """Difference between value and limit, positive if the requirement is met; `None` if one is not known."""
         if self.value is None or self.limit is None:
             return None
         return self.value - self.limit if self.at_least else self.limit - self.value

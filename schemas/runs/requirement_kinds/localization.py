@@ -80,7 +80,10 @@ class LocalizationRule(Rule[LocalizationRequirement]):
         self._checks = self._missing = 0
 
     def bind(self, scene: Scene) -> Look:
-        """Connects the rule to a function and the body's pose, or to recorded topics with both poses."""
+        """Connects the rule to a function and the body's pose, or to recorded topics with both poses.
+
+        After an error of the function, or a result that is no pose, the requirement cannot be judged.
+        """
         asked, environment = self.asked, scene.environment
         if asked.attribute is None:
             return self._bind_topics(scene)
@@ -143,14 +146,14 @@ class LocalizationRule(Rule[LocalizationRequirement]):
             self.violate(time_s)
 
     def add_metrics(self, metrics: dict[str, float]) -> None:
-        """Adds the largest localization error to the run's metrics."""
+        """Adds the largest localization error in metres to the run's metrics, if there was any estimate."""
         if self._checks > self._missing:
             metrics["max_localization_error_m"] = max(
                 metrics.get("max_localization_error_m", 0.0), round(self.worst_m, 6)
             )
 
     def remark(self) -> str | None:
-        """Returns a note about an estimate that always equals the true pose, such as one read from the simulation."""
+        """Returns a note about estimates that always equal the true pose, as if read from it; else `None`."""
         if self.error is None and self._checks > self._missing and self.worst_m == 0.0:
             return f"{self.asked.name}: the estimate is the true place to the last digit; it may read the simulation"
         return None
@@ -180,7 +183,10 @@ class LocalizationRule(Rule[LocalizationRequirement]):
 
 
 def pose_of(answer: Any) -> Pose | str | None:
-    """Converts the result of a function to a pose; returns a description of a result that is not a pose."""
+    """Converts the result of a robot's function to a pose (m, m, rad or `None`); `None` stays `None`.
+
+    Returns a text that describes the result if it is no pose.
+    """
     if answer is None:
         return None
     try:

@@ -53,7 +53,7 @@ class CollisionRule(Rule[CollisionRequirement]):
         return lambda time_s: self.update(time_s, read())
 
     def update(self, time_s: float, forces: Mapping[str, float]) -> None:
-        """Records the normal force in newtons of everything that touches the robot now."""
+        """Records the normal force in newtons of each thing that touches the robot now, but not of those that may."""
         for other, force in forces.items():
             if self._matters(other):
                 self._note(time_s, other, force)

@@ -51,7 +51,7 @@ class PathLengthRule(Rule[PathLengthRequirement]):
     _goal: GoalRule | None = None
 
     def follow(self, before: Sequence[Rule[Any]]) -> None:
-        """Finds the rule of the goal whose path is judged."""
+        """Finds the rule of the goal whose path is judged, among the rules before this one."""
         self._goal = goal_named(self.asked.goal, before)
 
     def bind(self, scene: Scene) -> Look:
@@ -81,7 +81,10 @@ class PathLengthRule(Rule[PathLengthRequirement]):
         return look
 
     def begin(self, shortest_m: float | None) -> None:
-        """Sets the length in metres of the shortest path from the robot's start to the goal; `None`: no path exists."""
+        """Sets the length in metres of the shortest path from the robot's start to the goal; `None`: no path exists.
+
+        Without a path, or with one of length 0, the requirement cannot be judged.
+        """
         self.shortest_m = shortest_m
         if shortest_m is None:
             self.fail(f"the map has no way to {self.asked.goal} for a radius of {self.asked.radius_m:g} m")
@@ -97,7 +100,7 @@ class PathLengthRule(Rule[PathLengthRequirement]):
 
     @property
     def ratio(self) -> float:
-        """Success weighted by path length, 0 to 1."""
+        """Success weighted by path length, 0 to 1; 0 if the goal was not reached."""
         if self._goal is None or not self._goal.is_reached or not self.shortest_m:
             return 0.0
         return self.shortest_m / max(self.driven_m, self.shortest_m)

@@ -36,7 +36,10 @@ class PredicateRule(Rule[PredicateRequirement]):
         self._violations = self._checks = 0
 
     def bind(self, scene: Scene) -> Look:
-        """Connects the rule to a simulation; errors of the function are errors of the requirement."""
+        """Connects the rule to a function of the simulation; returns the check that calls it.
+
+        After an error of the function, or a wrong result, the requirement cannot be judged.
+        """
         attribute, environment = self.asked.attribute, scene.environment
         function = scene.function(self, attribute)
 
@@ -58,7 +61,7 @@ class PredicateRule(Rule[PredicateRequirement]):
         return look
 
     def update(self, time_s: float, holds: bool, reason: str = "") -> None:
-        """Records one answer of the function; the reason of the first failure is kept."""
+        """Records one answer of the function; a false one is a violation, of which the first keeps its reason."""
         self._checks += 1
         if not holds:
             self._violations += 1

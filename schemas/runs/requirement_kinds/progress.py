@@ -93,7 +93,7 @@ class ProgressRule(Rule[ProgressRequirement]):
         return None
 
     def remark(self) -> str | None:
-        """Returns a note about a run that was too short to detect a stuck robot."""
+        """Returns a note about a run that was too short to detect a stuck robot; `None` for any other."""
         if self.error is None and self._is_short:
             took = f"the run took {self._end_s:.2f} s"
             return f"{self.asked.name}: {took}, so the robot could not be stuck for {self.asked.max_stuck_s:g} s"

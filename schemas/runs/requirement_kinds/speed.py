@@ -36,7 +36,7 @@ class SpeedRule(Rule[SpeedRequirement]):
     _last: tuple[float, tuple[float, ...]] | None = None
 
     def bind(self, scene: Scene) -> Look:
-        """Connects the rule to a simulation: measures the body's distance since the last check."""
+        """Connects the rule to a simulation; returns the check that measures the distance since the last look."""
         position = scene.position(self)
         polygon = None if self.asked.room is None else self.polygon(self.asked.room, scene)
 
@@ -63,7 +63,7 @@ class SpeedRule(Rule[SpeedRequirement]):
         self._last = (time_s, here)
 
     def add_metrics(self, metrics: dict[str, float]) -> None:
-        """Adds the highest speed to the run's metrics."""
+        """Adds the highest speed in m/s to the run's metrics, if one was measured."""
         if self.fastest_mps is not None:
             metrics["max_speed_mps"] = max(metrics.get("max_speed_mps", 0.0), round(self.fastest_mps, 6))
 

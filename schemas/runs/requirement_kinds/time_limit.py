@@ -21,7 +21,10 @@ class TimeLimitRule(Rule[TimeLimitRequirement]):
     """Judges the time limit requirement: whether the run ended in time."""
 
     def bind(self, scene: Scene) -> Look:
-        """Connects the rule to a simulation's time."""
+        """Connects the time limit to a simulation's time.
+
+        If the environment ends its runs before that limit, the requirement cannot be judged.
+        """
         environment, limit_s = scene.environment, self.asked.limit_s
         scene.expect_end(self)
         own_s = getattr(environment, "time_limit_s", None)

@@ -41,7 +41,10 @@ class UprightRule(Rule[UprightRequirement]):
     """Largest tilt so far, in degrees; None: it was not measured."""
 
     def bind(self, scene: Scene) -> Look:
-        """Connects the rule to a simulation's tilt; a body that cannot tilt is an error."""
+        """Connects the rule to a simulation; returns the check that measures the body's tilt.
+
+        If no joint lets the body tilt, the requirement cannot be judged.
+        """
         orientation = scene.orientation(self)
         if not scene.can_tilt(self):
             self.fail("no joint lets the robot's body tilt, so it could not be missed")

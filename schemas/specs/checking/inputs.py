@@ -80,7 +80,7 @@ class InputCheck:
     _respelling: Respelling | None = None
 
     def run(self) -> "InputCheck":
-        """Collects the input's problems and the earlier steps that it refers to."""
+        """Collects a step's input's problems and the earlier steps that it refers to, in itself, which it returns."""
         model = None if self.operation is None else STEPS[self.operation].request
         self._respelling = respelt(self.node, model or Any, {TEMPLATE_BODY: WorldTemplateBody})
         self.node = self._respelling.node
@@ -143,7 +143,10 @@ class InputCheck:
         return Placeholder(annotation)
 
     def _kind(self, text: str, location: Location, scope: Scope) -> Kind | None:
-        """Returns the type of the value of a text with references; `None` for a text without references."""
+        """Returns the type of the value of a text with references; `None` for a text without references.
+
+        A wrong reference is reported, and has any type.
+        """
         try:
             template = parse_template(text)
             if not template.references:
@@ -174,7 +177,7 @@ class InputCheck:
         return [self._walk(value, (*location, 0), inner(annotation, 0), inner_scope)]
 
     def _axes(self, construct: MappingNode, location: Location, annotation: Any, scope: Scope) -> Any:
-        """The request of a job of axes, as the list of it; what is wrong with the axes themselves is told here."""
+        """Returns the request of a job of axes, as the only item of a list; reports problems of the axes."""
         axes = WrittenAxes(construct, lambda text, at: self._kind(text, (*location, *at), scope))
         for problem in axes.problems(scope):
             self._report_at((*location, *problem.location), problem.message, at_key=problem.about_key)
@@ -228,7 +231,10 @@ class InputCheck:
         return problems
 
     def _source_item(self, source: Node, location: Location, scope: Scope) -> Kind:
-        """Returns the type of the items over which a `forEach` iterates."""
+        """Returns the type of the items over which a `forEach` iterates; of a source that is no list, any type.
+
+        Such a source is reported as a problem.
+        """
         if isinstance(source, ListNode):
             self._walk(source, location, list, scope)
             return ANYTHING
@@ -262,7 +268,10 @@ class InputCheck:
         return Problem(place_of(problem, self.node, self.place), self._path(written), message)
 
     def _check_body(self, body: Any) -> None:
-        """Checks a template body that is written in the file, as a mapping or as JSON text."""
+        """Checks a template body that is written in the file, as a mapping or as JSON text, and reports its problems.
+
+        A body that is neither is not checked here.
+        """
         written = child(self.node, TEMPLATE_BODY)
         if isinstance(body, str):
             try:

@@ -159,7 +159,7 @@ def _example(annotation: Any, filling: Filling, attempt: int = 0) -> Any:
 
 
 def _listed(annotation: Any) -> Sequence[Any]:
-    """Returns the values that an annotation allows, if it lists all of them."""
+    """Returns the values that an annotation allows, if it lists all of them; else empty."""
     metadata = getattr(annotation, "__metadata__", ())
     extras = (each.json_schema_extra for each in metadata if isinstance(each, FieldInfo))
     listed = next((extra["enum"] for extra in extras if is_object(extra) and "enum" in extra), ())

@@ -80,7 +80,7 @@ def _names(node: MappingNode, annotation: Any) -> dict[str, Any]:
 
 
 def _required(annotation: Any) -> Set[str]:
-    """Returns the required members of a mapping."""
+    """Returns the names of the required members of an annotated type; empty if it is no model."""
     kind = kind_of(annotation)
     fields = kind.model.model_fields if isinstance(kind, Structure) else {}
     return {name for name, field_info in fields.items() if field_info.is_required()}

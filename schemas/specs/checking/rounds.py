@@ -55,7 +55,7 @@ class Rounds:
     """Locations of found problems, which may cause problems of rules."""
 
     def run(self) -> list[RequestProblem]:
-        """Returns all problems of the request."""
+        """Returns all problems of the request, found in several rounds, each with those of the last put right."""
         for number in range(_MOST_ROUNDS):
             first, second = (self.validate(filled(self.request, filling)) for filling in FILLINGS)
             if not first or not second:

@@ -96,7 +96,7 @@ def _chance(pairs: int, discordant: float, decided: Numbers) -> float:
 
 
 def _fewest(enough: int, discordant: float, decided: Numbers, chance: float) -> int:
-    """Returns the smallest number of pairs with such a chance; it grows with the pairs."""
+    """Returns the smallest number of pairs whose chance of a decision is at least the given one; `enough` has to do."""
     low, high = 0, enough
     while high - low > 1:
         middle = (low + high) // 2

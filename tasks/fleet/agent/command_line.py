@@ -107,7 +107,10 @@ COMMANDS = {"enroll": (declare_enroll, enroll), "run": (declare_run, run), "stat
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Runs the command `robomaker-agent`; the exit code is 1 after an error."""
+    """Runs the command `robomaker-agent` with the words, those of the command line by default; returns its exit code.
+
+    After an error the code is 1, and the error is on standard error.
+    """
     parser = argparse.ArgumentParser("robomaker-agent", description="Installs and runs applications on a robot.")
     chosen = parser.add_subparsers(dest="command", required=True)
     for name, (declare, execute) in COMMANDS.items():

@@ -12,7 +12,7 @@ from .settings import Home
 
 
 def prepare(home: Home) -> None:
-    """Creates the folders of the robot agent's home."""
+    """Creates the folders of the robot agent's home that are missing, readable to all but the downloads."""
     for folder in (home.folder, home.versions, home.logs):
         folder.mkdir(parents=True, exist_ok=True)
         folder.chmod(0o755)

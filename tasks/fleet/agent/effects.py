@@ -73,7 +73,10 @@ class Effects:
         }
 
     def begin(self, state: State) -> Begun:
-        """Starts the action of a deployment's current phase on the robot."""
+        """Starts the action of a deployment's current phase on the robot, and returns its work or its events.
+
+        An error of it is the event that the phase failed, and is not raised.
+        """
         try:
             return self._begin[state.phase](state)
         except StepFailed as error:
@@ -146,7 +149,7 @@ class Effects:
         return ScriptWork(process, state.phase, name, code, log, due_s, self._monotonic)
 
     def _launch(self, state: State) -> Begun:
-        """Stops the running application, and starts the new version, or the last healthy one again."""
+        """Stops the running application, and starts the new version or the last healthy one again, if there is one."""
         version = wanted(state)
         self._application.stop()
         switch(self._home, version)

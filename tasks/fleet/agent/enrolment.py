@@ -67,7 +67,10 @@ def enrol(
 
 
 def _own_token(home: Home, enrolment_token: str, random_bytes: Callable[[int], bytes]) -> str:
-    """Returns the token that this robot made for the enrolment; the same at every attempt."""
+    """Returns the token that this robot made for the enrolment; the same at every attempt with one enrolment token.
+
+    A new token is written to the home folder before it is returned.
+    """
     path = home.folder / "enrolling.json"
     used_for = hashlib.sha256(enrolment_token.strip().encode()).hexdigest()
     try:

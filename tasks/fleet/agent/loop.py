@@ -107,7 +107,7 @@ class Agent:
         """Whether the agent's main loop should end; signal handlers set it."""
 
     def run(self) -> None:
-        """Runs the agent's main loop until `is_stopping`."""
+        """Runs the agent's main loop until it is told to stop; then ends the application and all work."""
         self.start()
         self._notifier.ready()
         while not self.is_stopping:
@@ -117,7 +117,7 @@ class Agent:
         self.stop()
 
     def start(self) -> None:
-        """Continues from the journal: starts the application, then the interrupted phase."""
+        """Continues from the journal after a start of the agent: starts the application, then the interrupted phase."""
         self._events.append(Restarted())
         self._settle(begin=False)
         version = wanted(self.state)
@@ -125,7 +125,7 @@ class Agent:
             self._start_application()
 
     def step(self) -> None:
-        """Does one pass of the agent's main loop."""
+        """Does one pass of the agent's main loop: looks at application and work, and polls or reports what is due."""
         self._look_at_application()
         self._look_at_work()
         self._settle()

@@ -82,7 +82,10 @@ class Polls:
         """Time of the next poll of the update server, by the monotonic clock in seconds."""
 
     def poll(self, state: State, percent: int | None) -> list[Event]:
-        """Polls the server once; returns new orders, cancellations and withdrawals as events."""
+        """Polls the server once; returns new orders, cancellations and withdrawals as events.
+
+        If the server is away or refuses, there are none and the next poll is put off.
+        """
         try:
             self.tell_step(state, percent)
             found = self._server.poll()
@@ -99,7 +102,10 @@ class Polls:
         return events
 
     def deliver(self, end: End) -> list[Event]:
-        """Reports to the update server how an order ended, when that is due."""
+        """Reports to the update server how an order ended, when that is due; returns that event, or nothing.
+
+        If the server is away, it is tried again after a pause.
+        """
         if self._monotonic() < self._deliver_s:
             return []
         order = end.order
@@ -115,7 +121,10 @@ class Polls:
         return []
 
     def tell_step(self, state: State, percent: int | None = None) -> None:
-        """Reports the current step of an order to the update server if it is new."""
+        """Reports the current step of an order to the update server, if there is an order and the step is new.
+
+        If the server is away, nothing is noted, so that the next call tries again.
+        """
         if state.order is None:
             return
         step = STEPS[state.phase]

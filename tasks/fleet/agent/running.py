@@ -96,7 +96,10 @@ def _attributes(options: Options, application: Application) -> Callable[[State],
 
 @contextmanager
 def _only_one(home: Home) -> Iterator[None]:
-    """Locks the agent's home, as two agents with one home would start everything twice."""
+    """Locks the agent's home inside the block, as two agents with one home would start everything twice.
+
+    Raises AgentError if another agent runs with it.
+    """
     with (home.folder / "lock").open("w") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -117,7 +120,10 @@ def _is_locked(home: Home) -> bool:
 
 
 def _waiter() -> Callable[[float, list[int]], None]:
-    """Returns a function that sleeps until a time, a readable pipe, or a signal (such as the end of a process)."""
+    """Returns a function that sleeps until a time, a readable pipe, or a signal (such as the end of a process).
+
+    Sets this process's handler of SIGCHLD and its wake-up pipe.
+    """
     reading, writing = os.pipe()
     for end in (reading, writing):
         os.set_blocking(end, False)

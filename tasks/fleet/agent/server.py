@@ -50,7 +50,7 @@ class Refused(AgentError):
 
 
 def connect(connection: Connection, timeout_s: float = TIMEOUT_S) -> http.client.HTTPConnection:
-    """Makes an HTTP connection to the update server."""
+    """Makes an HTTP or HTTPS connection to the update server, by its URL; it is opened by the first request."""
     parts = urlsplit(connection.url)
     assert parts.hostname is not None
     if parts.scheme == "https":

@@ -228,7 +228,7 @@ _NEXT = {
 
 
 def wanted(state: State) -> Version | None:
-    """Returns the application version that should be running."""
+    """Returns the application version that should be running: the one on trial, else the last good one, or `None`."""
     if state.phase in TRIED and state.deployment is not None:
         return state.deployment.version
     return state.good

@@ -151,7 +151,10 @@ def _judge_job(job: Resource, batch: str, application: Resource) -> PassedJob | 
 
 
 def _ran(document: SimulationJobDocument, name: str, application: Resource) -> str:
-    """Returns the ETag of the archive that a job ran, after checking that it is one of the version's archives."""
+    """Returns the ETag of the archive that a job ran, after checking that it is one of the version's archives.
+
+    Raises DeploymentError if the job ran another application, no archive, or another archive.
+    """
     config = _robot_application(document)
     if config is None or config["application"] not in (application.arn, application.name):
         other = "no robot application" if config is None else config["application"]

@@ -147,7 +147,7 @@ def _attested(job: Resource, service: Service) -> tuple[bytes, Statement]:
 
 
 def _digests(application: Resource, service: Service) -> dict[str, str]:
-    """Returns the SHA-256 of each archive of a version, by its address in the object store."""
+    """Returns the SHA-256 of each archive of a version, by its address in the object store; downloads each archive."""
     document = ApplicationDocument.of(application)
     digests: dict[str, str] = {}
     with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:

@@ -104,7 +104,10 @@ def _under_way(arn: str, service: Service) -> Resource:
 
 
 def _waiting(arn: str, service: Service) -> Resource:
-    """Returns the deployment job, after checking that it waits for approval."""
+    """Returns the deployment job, after checking that it waits for approval.
+
+    Raises InvalidParameterException, which says why, if it does not.
+    """
     job = _under_way(arn, service)
     stored = Rollouts(service.catalog).rollout(job.arn)
     if stored is None:

@@ -68,7 +68,11 @@ def roll_back(job: str, service: Service) -> bool:
 
 
 def _next(kept: KeptRollout, fleet: Resource, service: Service) -> bool:
-    """Creates the next rollback job; the caller holds the fleet's lock."""
+    """Creates the next rollback jobs of a failed deployment, and records them; the caller holds the fleet's lock.
+
+    Returns True if a rollback job has to end before the next can be made. It is over if another deployment came in
+    between.
+    """
     rollout = kept.rollout
     if not rollout.rollback_is_due:
         return False

@@ -201,7 +201,10 @@ def _repeated(fleet: Resource, service: Service, token: ClientToken | None) -> R
 
 
 def _check(document: DeploymentJobDocument, fleet: Resource, service: Service) -> Resource:
-    """Raises an error for an impossible deployment; returns the application's version."""
+    """Checks that a deployment is possible; returns the application's version.
+
+    Raises an error that names the member if it is not.
+    """
     (config,) = document.deployment_application_configs
     ResourceArn.parse(config["application"], "robot-application")
     application = find_application(config["application"], "robot", config["applicationVersion"], service)
@@ -223,7 +226,10 @@ def _config(request: CreateDeploymentJobRequest, service: Service) -> dict[str, 
 
 
 def _with_condition(config: dict[str, Any], service: Service) -> dict[str, Any]:
-    """Returns the deployment configuration with the current ETag of its condition file."""
+    """Returns the deployment configuration with the current ETag of its condition file; unchanged if it has none.
+
+    Raises InvalidParameterException if the file cannot be read, or has another ETag than the request says.
+    """
     file = config.get("downloadConditionFile")
     if file is None:
         return config

@@ -29,7 +29,10 @@ _PAGE = 200
 
 @operation("CreateRobot")
 def create_robot(request: CreateRobotRequest, service: Service) -> CreateRobotResponse:
-    """Handles `CreateRobot`: stores a robot under a unique name."""
+    """Handles `CreateRobot`: stores a robot under a unique name, with the status Available and without a fleet.
+
+    An error is raised if the name is taken.
+    """
     settings = service.settings
     arn = application_arn(settings.region, settings.account, ROBOT, request.name, service.clock())
     robot = service.catalog.create(
@@ -75,7 +78,7 @@ def list_robots(request: ListRobotsRequest, service: Service) -> Answer:
 
 @operation("DeleteRobot")
 def delete_robot(request: DeleteRobotRequest, service: Service) -> Answer:
-    """Handles `DeleteRobot`: deletes a robot; does nothing if it is deleted already."""
+    """Handles `DeleteRobot`: deletes a robot, and tells its fleet's deployments; does nothing if it is deleted."""
     robot = _checked(request.robot)
     with suppress(ResourceNotFoundException):
         fleet = RobotDocument.of(service.catalog.get(robot, kind=ROBOT)).fleet
@@ -87,7 +90,10 @@ def delete_robot(request: DeleteRobotRequest, service: Service) -> Answer:
 
 @operation("RegisterRobot")
 def register_robot(request: RegisterRobotRequest, service: Service) -> RegisterRobotResponse:
-    """Handles `RegisterRobot`: adds a robot to a fleet; does nothing if it is in that fleet."""
+    """Handles `RegisterRobot`: adds a robot to a fleet; does nothing if it is in that fleet.
+
+    An error is raised if it is in another one, or either does not exist.
+    """
     robot = _checked(request.robot)
     with fleet_held(request.fleet, service) as fleet:
         put_into_fleet(robot, fleet, service)
@@ -96,7 +102,10 @@ def register_robot(request: RegisterRobotRequest, service: Service) -> RegisterR
 
 @operation("DeregisterRobot")
 def deregister_robot(request: DeregisterRobotRequest, service: Service) -> DeregisterRobotResponse:
-    """Handles `DeregisterRobot`: removes a robot from its fleet; does nothing if it is in no fleet."""
+    """Handles `DeregisterRobot`: removes a robot from its fleet; does nothing if it is in no fleet.
+
+    Raises InvalidParameterException if it is in another fleet.
+    """
     robot = _checked(request.robot)
     with fleet_held(request.fleet, service) as fleet:
         there = RobotDocument.of(service.catalog.get(robot, kind=ROBOT)).fleet

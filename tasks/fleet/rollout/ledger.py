@@ -230,7 +230,7 @@ class Ledger:
         return self._rollout.status == "InProgress"
 
     def _offer(self, event: Offered) -> None:
-        """Records an order, if the robot may get one now; otherwise its number stays unused, which is harmless."""
+        """Records an order if the robot may get one now; else nothing changes, and its number stays unused."""
         state = self._robots.get(event.robot)
         if state is None or self._rollout.held or not self._rollout.takes_returns:
             return

@@ -87,7 +87,7 @@ def in_words(wait: DeploymentWait, job: str) -> str:
 
 
 def moment_of(time_s: float | None) -> datetime | None:
-    """Converts seconds since the epoch to a time in UTC, as responses show it."""
+    """Converts seconds since the epoch to a time in UTC, as responses show it; `None` stays `None`."""
     return None if time_s is None else datetime.fromtimestamp(time_s, UTC)
 
 

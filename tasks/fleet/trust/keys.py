@@ -82,7 +82,10 @@ class KeyFolder:
 
     @contextmanager
     def held(self) -> Iterator[None]:
-        """Locks the folder inside the `with` block, so that one process at a time creates keys or a root."""
+        """Locks the folder of keys inside the block, so that one process at a time creates keys or a root.
+
+        Creates the folder if it is missing, and waits for the lock. Raises ConfigurationError if it cannot be used.
+        """
         try:
             self.path.mkdir(mode=0o700, parents=True, exist_ok=True)
             lock = (self.path / "lock").open("w")
@@ -173,7 +176,7 @@ class Machine:
             raise ConfigurationError(f"{path} is no root of a repository: {error}") from error
 
     def note_root(self, content: bytes) -> None:
-        """Stores a newer TUF root as seen."""
+        """Stores a newer TUF root as seen by this machine, in the place of the last one."""
         write_private(self.folder / _ROOT, content, replace=True)
 
     def seen(self) -> int:

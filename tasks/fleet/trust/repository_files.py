@@ -118,7 +118,10 @@ class RepositoryFiles:
         return True
 
     def copy_timestamp(self) -> None:
-        """Updates the unnumbered copy of the timestamp, for clients that read plain files."""
+        """Updates the unnumbered copy of the timestamp in the object store, for clients that read plain files.
+
+        It does nothing if the copy is the newest one already, or there is no timestamp.
+        """
         copied = 0
         while (newest := self.newest_timestamp()) is not None and newest[0] != copied:
             copied, content = newest

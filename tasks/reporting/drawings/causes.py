@@ -78,7 +78,7 @@ def _ends(xs: Sequence[float]) -> list[tuple[float, str]]:
 
 
 def _apart(values: Sequence[float], up: Callable[[float], float]) -> Iterator[float]:
-    """Labels that do not touch each other; 0 is the one that has to stay."""
+    """Yields the values whose labels do not touch each other; 0 always stays, and comes first."""
     kept = [0.0]
     for value in values:
         if all(abs(up(value) - up(other)) > 14 for other in kept):

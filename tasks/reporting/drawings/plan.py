@@ -116,7 +116,7 @@ def draw_fixtures(world: World, frame: Frame, identity: str) -> Markup:
 
 
 def draw_world_plan(world: World, frame: Frame, fixtures: str, title: str) -> Markup:
-    """Draws the floor plan of a world, each room with its area."""
+    """Draws the floor plan of a world as SVG, each room with its name and its area in m²."""
     rooms = world.floorplan.rooms
     crowd = _furniture_points(world, frame)
     return _plan(
@@ -131,7 +131,7 @@ def draw_world_plan(world: World, frame: Frame, fixtures: str, title: str) -> Ma
 
 
 def draw_job_plan(world: World, frame: Frame, fixtures: str, result: RunResult, title: str) -> Markup:
-    """Draws the floor plan of a world with a robot's path and collisions; visited rooms are tinted."""
+    """Draws the floor plan of a world as SVG with a robot's path and collisions; visited rooms are tinted."""
     visits = {visit.name: visit for visit in result.rooms}
     crowd = _furniture_points(world, frame) + trajectory.covered_points(result, frame)
     floors, labels = [], []
@@ -206,7 +206,7 @@ def draw_shared_plan(
 
 
 def draw_on_ground(frame: Frame, title: str, *content: Markup) -> Markup:
-    """Draws something on empty ground, with a scale bar."""
+    """Draws SVG content on empty ground, with a title and a scale bar."""
     return _plan(frame, title, *content)
 
 

@@ -42,7 +42,10 @@ class CollisionSpot:
 
 
 def cluster(collisions: Sequence[Collision], radius_m: float = _CLUSTER_M) -> list[CollisionSpot]:
-    """Groups collisions within `radius_m` of the strongest one nearby, strongest group first."""
+    """Groups collisions within `radius_m` of the strongest one nearby, strongest group first, each group by time.
+
+    Collisions without finite place and force are left out.
+    """
     left = sorted(
         (c for c in collisions if _drawable(c.x, c.y) and math.isfinite(c.max_force_N)),
         key=lambda c: (-c.max_force_N, c.time_s),
@@ -66,7 +69,10 @@ def _drawable(x: float, y: float) -> bool:
 
 
 def shaded_runs(path: Sequence[PathPoint]) -> list[tuple[int, list[Point]]]:
-    """Cuts a path into pieces, one for each colour shade, by time."""
+    """Cuts a path into pieces, one for each colour shade, by time; empty for fewer than two points.
+
+    Each piece is a shade's number and its points; it begins where the piece before ends.
+    """
     if len(path) < 2:
         return []
     start, end = path[0][0], path[-1][0]
@@ -96,7 +102,7 @@ def draw_trajectory(result: RunResult, frame: Frame) -> tuple[Markup, Markup]:
 
 
 def draw_drive(path: Sequence[PathPoint], frame: Frame) -> Markup:
-    """Draws the path so far of a running simulation, with its start and the robot's position."""
+    """Draws the path so far of a running simulation, with its start and the robot's position; empty without a path."""
     path = [(t, x, y) for t, x, y in path if _drawable(x, y)]
     if not path:
         return Markup()
@@ -135,7 +141,7 @@ def covered_points(result: RunResult, frame: Frame) -> list[Point]:
 
 
 def _arrows(path: Sequence[PathPoint], drawn: Sequence[Point]) -> list[Markup]:
-    """Draws small arrow heads at equal distances along the path."""
+    """Draws small arrow heads at equal distances along a path; none on a path that is too short in the drawing."""
     lengths = [math.dist(a, b) for a, b in pairwise(drawn)]
     total = sum(lengths)
     if total < 60:

@@ -133,7 +133,10 @@ def _lines(ways: Sequence[Way], frame: Frame) -> Markup:
 
 
 def _marks(ways: Sequence[Way], frame: Frame) -> Markup:
-    """Draws starts, ends and first misses; at last the robots' places, which a script moves."""
+    """Draws starts, ends and first misses of both paths; at last the robots' places, which a script moves.
+
+    A path without points has no marks, and a start beside the other one is drawn once.
+    """
     starts: list[Point] = []
     marks: list[Markup] = []
     labels: list[Point] = []

@@ -124,7 +124,7 @@ class PairView:
 
     @property
     def sides(self) -> tuple[SideView, SideView]:
-        """Both jobs, the first one first."""
+        """The two sides of a card, that of the first run's job first."""
         return self.before, self.after
 
 
@@ -191,7 +191,11 @@ class PairPainter:
     def _plan(
         self, jobs: tuple[JobRecord, JobRecord], drives: tuple[Drive, Drive], title: str
     ) -> tuple[Markup | None, str]:
-        """Draws both paths on the plan of the world that both drove in; else returns why there is none."""
+        """Draws both paths on the plan of the world that both jobs drove in, and returns the drawing with a remark.
+
+        The drawing is `None`, and the remark says why, if neither has a path or their worlds differ. Without a
+        generated world only the paths are drawn.
+        """
         ways = [
             Way(letter, drive.result, _first_miss(job))
             for letter, job, drive in zip("AB", jobs, drives, strict=True)
@@ -297,7 +301,7 @@ def _end_of(result: RunResult | None) -> float:
 
 
 def _missed_first(job: JobRecord) -> tuple[float, Requirement] | None:
-    """Returns the simulated time in seconds at which a job first missed a requirement, and that requirement."""
+    """Returns the simulated time (s) at which a job first missed a requirement, and that one; else `None`."""
     times = [
         (item.first_violation_s, item)
         for item in job.requirements
@@ -338,7 +342,7 @@ def _outcome_of(item: Requirement | None, of_trials: bool) -> tuple[str, str]:
 
 
 def _goals(drives: Sequence[Drive]) -> list[Goal]:
-    """Returns the goals of both requests, those that both have once."""
+    """Returns the goals of both jobs' requests, in metres, each once; goals without a place are left out."""
     found: dict[Goal, None] = {}
     for drive in drives:
         for name, asked in drive.asked.items():

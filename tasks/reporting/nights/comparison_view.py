@@ -33,7 +33,7 @@ class PairLine:
 
     @property
     def outcomes(self) -> tuple[Outcome, Outcome]:
-        """Ends of both jobs."""
+        """The outcomes of a pair's two jobs, that of the first run's job first."""
         before, after = (outcomes.classify(job.status, job.failure_code, job.verdict) for job in self.jobs)
         return before, after
 
@@ -76,12 +76,12 @@ class ComparisonPage:
 
     @property
     def sides(self) -> tuple[ComparedSide, ComparedSide]:
-        """Both sides, the first one first."""
+        """The two sides of a comparison, the first run's first."""
         return self.before, self.after
 
     @property
     def last(self) -> int:
-        """Number of the last card."""
+        """Number of the last card on a comparison's page."""
         return self.first + len(self.cards) - 1
 
     @property

@@ -85,7 +85,10 @@ def _host_wished(plan: TemplateFloorplan, balcony: str) -> str | None:
 
 
 def _added(body: WorldTemplateBody, plan: Floorplan, room: TemplateRoom, dice: Random) -> Floorplan:
-    """Adds one balcony, at the best place where no door of the building is lost."""
+    """Returns the plan with one more balcony, at the best place where no door of the building is lost.
+
+    Raises WorldGenerationError if no outer wall has room for it.
+    """
     wished = _host_wished(body.floorplan, room.Name)
     shape = room.DesiredShape
     ratio = length_over_width(shape.AspectRatio)

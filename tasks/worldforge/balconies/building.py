@@ -113,7 +113,10 @@ def _railings(site: Site, balcony: str) -> Iterator[Wall]:
 
 
 def _outline(footprint: list[Point], site: Site) -> list[Point]:
-    """Returns the outline of the building with a balcony."""
+    """Returns the outline of the building with a balcony.
+
+    Raises AssertionError if the balcony's wall is on no side of it.
+    """
     along = 0 if site.horizontal else 1
     low, high = (site.point(each, 0)[along] for each in site.span)
     at = site.point(site.span[0], 0)[1 - along]

@@ -24,7 +24,10 @@ from .bundle import write_bundle
 
 
 def main() -> None:
-    """Entry point of a child process that writes world files on request."""
+    """Writes world files in a child process: answers each line of standard input with a line of JSON.
+
+    The process ends with its standard input.
+    """
     # What a library prints must not come between the answers.
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)

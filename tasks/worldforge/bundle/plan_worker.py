@@ -36,7 +36,10 @@ IDLE_S = 120.0
 
 
 def main() -> None:
-    """Entry point of a child process that draws floor plans on request."""
+    """Draws floor plans in a child process: answers each line of standard input with a line of JSON.
+
+    It ends when no line has come for some time.
+    """
     # What a library prints must not come between the answers.
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)

@@ -101,7 +101,10 @@ def _map_faults(world: World, site: Site, folder: Path, *, as_described: bool) -
 
 
 def _read_map(folder: Path, wanted: OccupancyGrid) -> OccupancyGrid:
-    """Reads the occupancy map of a bundle, and checks its metadata (resolution, origin, thresholds)."""
+    """Reads the occupancy map of a bundle, and checks its metadata (resolution, origin, thresholds).
+
+    Raises ValueError if the metadata is not that of the wanted grid, or the picture cannot be read.
+    """
     said, right = ((_lines(text)) for text in (_text(folder / MAP_FILES[1]), map_files(wanted)[MAP_FILES[1]].decode()))
     for line, better in zip(said, right, strict=False):
         if line != better:
@@ -176,7 +179,10 @@ def _difference(said: Any, right: Any, path: str = "") -> str | None:
 
 
 def _file_faults(folder: Path, digests: Mapping[str, str] | None) -> Iterator[Fault]:
-    """Yields the files of a bundle that differ from the manifest's SHA-256, and missing or additional files."""
+    """Yields the files of a bundle that differ from the manifest's SHA-256, and missing or additional files.
+
+    Without digests nothing is checked.
+    """
     if digests is None:
         return
     found = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if path.is_file()}

@@ -131,7 +131,7 @@ def _ray(model: mujoco.MjModel, data: mujoco.MjData, start: tuple[float, float, 
 
 
 def usual_floor(model: mujoco.MjModel, data: mujoco.MjData) -> float | None:
-    """Returns the most common floor height of a world; `None` if there is no floor."""
+    """Returns the most common floor height of a world in metres; `None` if there is no floor."""
     low, high = world_bounds(model, data)
     spots = [
         (float(x), float(y)) for x in np.linspace(low[0], high[0], _STEPS) for y in np.linspace(low[1], high[1], _STEPS)
@@ -149,7 +149,10 @@ def usual_floor(model: mujoco.MjModel, data: mujoco.MjData) -> float | None:
 
 
 def world_bounds(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns the lowest and highest corner of all finite solid geometry of a world."""
+    """Returns the lowest and highest corner (metres) of all finite solid geometry of a world.
+
+    A world without any has the bounds of a usual space around its origin.
+    """
     solid = (model.geom_contype | model.geom_conaffinity != 0) & (model.geom_type != int(mujoco.mjtGeom.mjGEOM_PLANE))
     geoms = np.flatnonzero(solid)
     half = _BARE_SIDE_M / 2
@@ -279,7 +282,7 @@ def _fill_terrain(
 
 
 def free_start(ground: Ground) -> Point | None:
-    """Returns the free position nearest to the world's origin where a robot can start."""
+    """Returns the free position (metres) nearest to the world's origin where a robot can start; `None` without one."""
     known = OccupancyGrid(ground.grid.origin, ~ground.free, np.ones_like(ground.free))
     # The origin need not be on the middle of a cell, and half a cell more hides that.
     fits = fitting(known, START_RADIUS_M + RESOLUTION_M)
@@ -419,7 +422,7 @@ def _run(cells: NDArray[np.bool_]) -> int:
 
 
 def nearest_cell(cells: NDArray[np.bool_], grid: OccupancyGrid, to: Point) -> Point | None:
-    """Returns the centre of the cell nearest to a point."""
+    """Returns the centre (metres) of the marked cell nearest to a point; `None` if no cell is marked."""
     rows, columns = np.nonzero(cells)
     if not len(rows):
         return None

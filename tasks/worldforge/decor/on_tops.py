@@ -98,7 +98,7 @@ class _Top:
 
     @classmethod
     def of(cls, item: Furniture, loose: Sequence[Furniture]) -> "_Top | None":
-        """Returns the top surface of a piece of furniture, with the areas that are taken."""
+        """Returns the top surface of a piece of furniture, with the areas that are taken; `None` if it has no top."""
         parts = parts_of(item)
         named = [part for part in parts if part.name in _TOPS or part.name.startswith("top")]
         if item.model_type == "Baths":

@@ -154,7 +154,7 @@ def _all_reached(plan: Floorplan) -> bool:
 
 
 def _before_tip(door: Door) -> Box:
-    """Returns the area between the open leaf's free edge and a wall opposite; `None` if it is wide enough to pass."""
+    """Returns the area before an open leaf's free edge in which a wall would leave a robot no room to pass; metres."""
     box = open_box(door)
     x, y = (round(axis) for axis in (cos(door.yaw_at(door.max_angle_rad)), sin(door.yaw_at(door.max_angle_rad))))
     reach = 2 * _ROBOT_M

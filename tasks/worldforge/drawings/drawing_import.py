@@ -145,7 +145,10 @@ def _read(path: Path) -> ReadFile:
 
 
 def _check(drawing: Drawing, name: str) -> None:
-    """Raises an error for invalid coordinates, and for drawings that would take minutes to read."""
+    """Checks that a drawing has finite coordinates, and that reading it would not take minutes.
+
+    Raises ConfigurationError, which names the shape or says what is too much.
+    """
     for shape in drawing.shapes:
         if not all(map(isfinite, chain.from_iterable(shape.points))):
             raise ConfigurationError(f"{name}: {shape.place} has a coordinate that is not finite")

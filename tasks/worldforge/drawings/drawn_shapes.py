@@ -134,13 +134,13 @@ def kind_of(shape: Shape, labels: Iterable[Label]) -> Kind | None:
 
 
 def kind_of_words(words: Iterable[str]) -> Kind | None:
-    """Determines the kind of a shape from classes, names and layers, other than a room by its name."""
+    """Determines the kind of a shape from its classes, names and layers, not from a room's name; `None` if unknown."""
     return next((kind for each in words if (kind := _meaning(each)[0])), None)
 
 
 @lru_cache(maxsize=4096)
 def _meaning(words: str) -> tuple[Kind | None, bool]:
-    """Returns the kind of shape that a name means, and whether the name is that of a room type."""
+    """Returns the kind of shape that a name means, `None` if unknown, and whether the name is that of a room type."""
     found = set(plain_words(words))
     for kind, meaning in _KINDS:
         if not found.isdisjoint(meaning.split()):
@@ -184,7 +184,7 @@ def label_of(shape: Shape, labels: Iterable[Label]) -> str:
 
 
 def label_in(shape: Shape, labels: Iterable[Label]) -> Label | None:
-    """Returns the text inside a shape that names it: one that is a type of rooms, else the first."""
+    """Returns the text inside a closed shape that names it: one that is a type of rooms, else the first, or `None`."""
     inside = [label for label in labels if shape.closed and contains(shape.points, *label.at)]
     return next((label for label in inside if room_type(label.text)), next(iter(inside), None))
 

@@ -135,7 +135,7 @@ def _joined(pairs: Sequence[tuple[int, int]], areas: Mapping[int, int]) -> set[i
 def _refuse_apart(
     joined: Collection[int], areas: Mapping[int, int], outlines: Sequence[Corners], read: _Map, name: str
 ) -> None:
-    """Raises an error if doors connect too small a part of a map's rooms for the rest to be noise."""
+    """Raises ConfigurationError if doors connect too small a part of a map's rooms for the rest to be noise."""
     share = sum(areas[place] for place in joined) / sum(areas.values())
     if share >= _LEAST_JOINED:
         return
@@ -215,7 +215,10 @@ def _without_specks(free: Cells, resolution_m: float) -> Cells:
 
 
 def _regions(read: _Map, name: str) -> NDArray[np.int64]:
-    """Labels each free cell of a map with the number of its room, from 1; 0: in no room."""
+    """Labels each free cell of a map with the number of its room, from 1; cells in no room have 0.
+
+    Raises ConfigurationError if the map has no free space as large as a room, or too many of them.
+    """
     size = read.resolution_m
     depth = np.asarray(ndimage.distance_transform_edt(read.free)) * size
     found = ndimage.label(depth > _NARROW_M)[0]  # pyright: ignore[reportIndexIssue]
@@ -306,7 +309,7 @@ def _doors(regions: NDArray[np.int64], order: Sequence[int], read: _Map) -> Iter
 
 
 def _refuse_slanted(read: _Map, name: str) -> None:
-    """Raises an error for a map whose walls do not run along its rows and columns; it says how far to turn the map."""
+    """Raises ConfigurationError, which says how far to turn the map, if its walls are not along rows and columns."""
     up, along = np.gradient(
         np.asarray(ndimage.gaussian_filter(read.free.astype(np.float64), _BLUR_M / read.resolution_m))
     )
@@ -338,7 +341,7 @@ def _refuse_enclosed(regions: NDArray[np.int64], read: _Map, name: str) -> None:
 
 
 def _refuse_overlaps(outlines: Sequence[Corners], read: _Map, name: str) -> None:
-    """Raises an error if outlines of two rooms overlap because the walls between them are too rough."""
+    """Raises ConfigurationError if outlines of two rooms overlap because the walls between them are too rough."""
     owner = np.zeros(read.free.shape, np.int64)
     for place, corners in enumerate(outlines, 1):
         x, y = min(x for x, _ in corners), min(y for _, y in corners)

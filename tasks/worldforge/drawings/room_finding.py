@@ -139,7 +139,10 @@ def _rooms(shapes: Sequence[Shape], drawing: Drawing, scale: float, notes: Drawi
 
 
 def _type(shape: Shape, label: str, notes: DrawingNotes, what: str) -> FurnishedRoomType:
-    """Determines the type of a room: from notes, the shape's attributes, its name, or its classes and layers."""
+    """Determines the type of a room: from notes, the shape's attributes, its name, or its classes and layers.
+
+    Raises ConfigurationError if the type is unknown or cannot be told.
+    """
     if label in notes.rooms:
         return notes.rooms[label].type
     if stated := shape.facts.get("type"):
@@ -175,7 +178,10 @@ def _ends(shape: Shape) -> Line:
 
 
 def _percent(shape: Shape) -> float | None:
-    """Returns by how many percent a door is drawn open, from `data-open` or a word in its classes, names and layers."""
+    """Returns by how many percent a door is drawn open, from `data-open` or a word in its classes, names and layers.
+
+    Returns None if the drawing does not say it. Raises ConfigurationError if `data-open` is no number from 0 to 100.
+    """
     stated = shape.facts.get("open")
     if stated is not None:
         try:

@@ -155,7 +155,11 @@ class _Reader:
             self._children(self._root, _Around(own.matrix, size=size, is_visible=own.is_visible is not False))
 
     def _walk(self, element: ET.Element, around: _Around, instance: ET.Element | None = None) -> None:
-        """Collects the shapes of an element and its children; a `<use>` shows it as an instance."""
+        """Collects the shapes of an element and its children; a `<use>` shows it as an instance.
+
+        Hidden and unknown elements are only counted. Raises ConfigurationError if groups are nested too deeply or
+        `<use>` shows too many elements.
+        """
         self._repeated += bool(around.using)
         if self._repeated > _MOST_REPEATED:
             raise ConfigurationError(f"{self._name}: <use> shows more than {_MOST_REPEATED:,} elements")
@@ -185,7 +189,10 @@ class _Reader:
             self._walk(child, around)
 
     def _group(self, element: ET.Element, own: _Element, inside: _Around, instance: ET.Element | None) -> None:
-        """Collects the shapes of a group; those of a door's group become one shape for each door."""
+        """Collects the shapes of a group; those of a door's group become one shape for each door.
+
+        Raises ConfigurationError if a group of doors or windows has too many shapes.
+        """
         before = len(self.shapes)
         # What a `<use>` shows is mostly a group: the shapes in that one are its own.
         symbol = _Symbol(own.kind, inside.depth + (own.tag == "use"), []) if own.kind else None
@@ -212,7 +219,10 @@ class _Reader:
                 self.shapes[-1] = shape._replace(name=name)
 
     def _used(self, element: ET.Element, around: _Around) -> None:
-        """Collects the shapes that a `<use>` shows, moved to its place."""
+        """Collects the shapes that a `<use>` shows, moved to its place; counts as unread what the drawing lacks.
+
+        Raises ConfigurationError if it shows something inside of itself.
+        """
         link = next((link for key in _HREFS if (link := element.get(key))), "")
         shown = self._by_id.get(link[1:]) if link.startswith("#") else None
         if shown is None:
@@ -302,7 +312,10 @@ class _Reader:
             return None
 
     def _of(self, element: ET.Element, read: Callable[[], T]) -> T:
-        """Calls a function that reads an SVG element; an error of it then names the element."""
+        """Calls a function that reads an SVG element, and returns its result.
+
+        Raises ConfigurationError, which names the element, in place of the function's ValueError.
+        """
         try:
             return read()
         except ValueError as error:
@@ -312,7 +325,7 @@ class _Reader:
 
 
 def _visibility(element: ET.Element, style: str) -> bool | None:
-    """Returns whether an SVG element's own `visibility` shows it; a style wins over the attribute, as in browsers."""
+    """Returns whether an SVG element's own `visibility` shows it, first by its style; `None` if it does not say so."""
     said = re.search(r"(?:^|;)\s*visibility\s*:\s*(\w+)", style)
     word = said[1] if said else (element.get("visibility") or "").strip()
     return {"visible": True, "hidden": False, "collapse": False}.get(word)

@@ -202,7 +202,10 @@ def _is_round(centre: Point, one: Point, other: Point) -> bool:
 
 
 def _commands(d: str) -> Iterator[tuple[str, list[float]]]:
-    """Yields the commands of an SVG path with their numbers, lazily; repeated numbers after `M` are lines."""
+    """Yields the commands of an SVG path with their numbers, lazily; repeated numbers after `M` are lines.
+
+    Raises PathError if the path does not begin with `M`, or a command has too few or too many numbers.
+    """
     command: str = ""
     numbers: list[float] = []
     begun = False

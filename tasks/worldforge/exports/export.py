@@ -76,7 +76,10 @@ def archive_name(world_id: str) -> str:
 
 
 def _files(folder: Path, prefix: str = "") -> list[str]:
-    """Paths of a folder's files; symbolic links are refused, as they could name any file of this machine."""
+    """Returns the paths of a folder's files, at any depth, relative to it and sorted.
+
+    Raises ValueError for a symbolic link or another special file, which could name any file of this machine.
+    """
     names = []
     for path in folder.iterdir():
         name, mode = prefix + path.name, path.lstat().st_mode

@@ -140,7 +140,7 @@ class Looks:
         self._paths: dict[str, str] = {}
 
     def bind(self, prim: Prim, shape: Shape) -> None:
-        """Assigns a shape's material to its prim."""
+        """Assigns a shape's material to its USD prim; adds the material to the scene if it is new."""
         picture = texture_file(self._scene, shape.material) if is_pictured(self._scene.model, shape) else None
         if picture is not None:
             key, color = texture_name(self._scene.model, shape.material), self._scene.model.mat_rgba[shape.material]
@@ -154,7 +154,7 @@ class Looks:
         prim.set("color3f[]", "primvars:displayColor", f"[{shown}]")
 
     def grip(self, prim: Prim, friction: float) -> None:
-        """Assigns a friction coefficient to a colliding prim."""
+        """Assigns a friction coefficient to a colliding USD prim; adds its material to the scene if it is new."""
         key = f"friction {friction:g}"
         if key not in self._paths:
             material = self._new(key)

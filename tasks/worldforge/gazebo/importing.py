@@ -152,7 +152,10 @@ class _Import:
         return world
 
     def _rooms(self, shift: Pose) -> list[NamedArea]:
-        """Returns the rooms of an imported world's notes file, in the world's frame."""
+        """Returns the rooms of an imported world's notes file, in the world's frame.
+
+        Raises SdfError if a room's edges would not run along the world's axes.
+        """
         found: list[NamedArea] = []
         for name, room in self._wishes.notes.rooms.items():
             corners = [_moved_point(corner, shift) for corner in room.polygon]
@@ -245,7 +248,10 @@ class _Import:
         self._fixed_solids = [(link, _moved_solid(solid, shift)) for link, solid in self._fixed_solids]
 
     def _origin(self, rest: Rest) -> tuple[tuple[float, float, float, float], bool]:
-        """Returns the robot's start: x, y, height of the floor and yaw; and whether that was chosen here."""
+        """Returns the robot's start: x, y, height of the floor (metres), yaw (rad), and whether it was chosen here.
+
+        Raises SdfError if the world has no floor or no free place, or the start that was named is not free.
+        """
         model, data = _kinematics(scene_text(self._scene(rest.held, {}), self._bounds(None), None, self._heightmaps))
         wanted = self._wishes.start
         if wanted is None:
@@ -343,7 +349,7 @@ def _moved_joint(joint: Joint | None, turn: Pose) -> Joint | None:
 def _turns(
     bodies: Sequence[Body], poses: Mapping[str, Pose], name_of: Callable[[Body], str]
 ) -> Iterator[tuple[Body, Pose | None]]:
-    """Yields the displacement of each body: of one with a new pose, and of all bodies that are attached to it."""
+    """Yields the displacement of each body with a new pose, and of bodies attached to it; `None` for others."""
     turns: dict[int, Pose | None] = {}
     for body in bodies:
         pose = poses.get(name_of(body))

@@ -125,7 +125,10 @@ class _Model:
         return ET.tostring(self._root, encoding="unicode") + "\n"
 
     def move(self, name: str, by: Move) -> Change:
-        """Moves a loose body of the world; objects on it stay where they are."""
+        """Moves a loose body of the world in its model, and returns the change; objects on it stay where they are.
+
+        Raises ConfigurationError if there is no loose body of that name.
+        """
         loose = [each for each, body in self._bodies.items() if body.find("freejoint") is not None]
         if name not in loose:
             raise ConfigurationError(f"{name}: there is no such loose body; {_alternatives(name, loose)}")

@@ -37,7 +37,7 @@ def texture_png(name: str) -> bytes:
 
 
 def write_textures(folder: Path) -> None:
-    """Paints all textures and writes them to a folder, replacing the pictures in it."""
+    """Paints all textures and writes them as PNG to a folder, which is made if needed; deletes other pictures in it."""
     folder.mkdir(exist_ok=True)
     for old in folder.glob("*.png"):
         old.unlink()

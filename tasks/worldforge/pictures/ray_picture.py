@@ -123,7 +123,7 @@ class RayPicture(RayCaster):
         return self.beyond(np.array(place), np.array(normal))
 
     def _sun(self, hits: Hits, lighting: Lighting, shape: tuple[int, int]) -> LightGrid | None:
-        """Sunlight at each pixel, with the soft edges that the sun's width makes."""
+        """Sunlight at each pixel, with the soft edges that the sun's width makes; `None` if no sun shines."""
         if lighting.sun is None:
             return None
         light = lighting.sun(hits, slots_of(shape))
@@ -196,7 +196,7 @@ def _widened(marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _finished(seen: Array, glass: Array, scale: float | None) -> Array:
-    """Colours as eyes see them."""
+    """Returns the colours of a picture as eyes see them."""
     seen = seen if scale is None else seen * scale
     seen = seen * (1 - 0.16 * glass[:, None]) + 0.05 * glass[:, None]
     if scale is None:

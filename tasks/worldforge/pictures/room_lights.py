@@ -64,7 +64,7 @@ class Opening(NamedTuple):
 
     @property
     def wide_m(self) -> float:
-        """Width of the window."""
+        """Width of the window in metres."""
         return float(np.linalg.norm(self.along))
 
 

@@ -62,7 +62,7 @@ def json_island(value: Any) -> Markup:
 
 
 def write_whole(text: str, path: Path) -> Path:
-    """Writes an HTML page to a file, atomically; creates its folder if needed."""
+    """Writes an HTML page to a file, which is replaced as a whole; creates its folder, and returns its path."""
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
@@ -272,7 +272,7 @@ def _write(draw: ImageDraw.ImageDraw, place: tuple[int, int], text: str, size_px
 
 
 def _inline(preview: bytes | None) -> str | None:
-    """Encodes a preview as a data URL: JPEG, a tenth of the PNG's size."""
+    """Encodes a preview as a data URL: JPEG, a tenth of the PNG's size; `None` stays `None`."""
     if preview is None:
         return None
     buffer = io.BytesIO()

@@ -26,7 +26,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker doctor`: checks the installation; exit code 3 if something is broken."""
+    """Runs `robomaker doctor`: checks the installation and prints what it found.
+
+    Returns exit code 3 if something is broken, else 0, also with warnings. With `--notify` a test message is sent,
+    and with `--backend` a small job is run by that backend.
+    """
     from .....schemas.settings import Settings
     from ...doctor_checks import examine
 

@@ -31,7 +31,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker fsck`: checks that catalog and object store agree; exit code 3 if problems are left."""
+    """Runs `robomaker fsck`: checks that catalog and object store agree, and with `--mend` repairs what it can.
+
+    Prints what it found, and returns exit code 3 if problems are left.
+    """
     from .....tasks.consistency.checking import check_consistency
 
     report = check_consistency(open_service(), read_content=arguments.read_content, mend=arguments.mend)

@@ -36,7 +36,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker serve`: serves the API and web console until stopped."""
+    """Runs `robomaker serve`: serves the API and web console until a signal stops it."""
     from ...server_and_worker import serve
 
     return serve(arguments)

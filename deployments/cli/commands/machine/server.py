@@ -27,7 +27,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker server`: starts, stops or shows the Prefect server; `status` exits with 3 if none runs."""
+    """Runs `robomaker server`: starts, stops or shows the local Prefect server; `status` exits with 3 if none runs.
+
+    `stop` asks first if the server is in use and a person is at the terminal, and exits with 0 also if it was not
+    stopped.
+    """
     from .....schemas.settings import Settings
     from ....prefect_server.local_server import stop_server
 
@@ -47,7 +51,10 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _may_stop(settings: "Settings") -> bool:
-    """Whether the server may be stopped; prints its users, and then asks if a person is at the terminal."""
+    """Whether the local Prefect server may be stopped; prints its users, and then asks if a person is at the terminal.
+
+    It may be if it has no users, or if there is no terminal to ask at.
+    """
     users = _users(settings)
     if not users:
         return True

@@ -33,7 +33,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker call`: calls an API operation and prints its response."""
+    """Runs `robomaker call`: calls an API operation and prints its response; with `--wait` it carries a job to its end.
+
+    Without `--wait` a job is only stored. Raises ConfigurationError if `--built-in` is given with an operation that
+    lists no applications.
+    """
     from .....schemas.operations.registry import OPERATIONS
     from .....schemas.settings import Settings
     from .....schemas.wire.errors import ConfigurationError
@@ -68,7 +72,10 @@ def _stored(operation: str, request: dict[str, Any], settings: "Settings") -> di
 
 
 def _tell_waits(arn: str, settings: "Settings") -> None:
-    """Prints on standard error which jobs wait for memory or disk of this machine, as the response does not say it."""
+    """Prints on standard error which jobs wait for memory or disk of this machine, as the response does not say it.
+
+    It prints the given job, or each job of the given batch, with how long it has waited; nothing if none waits.
+    """
     import time
 
     from .....tasks.machine.machine_slots import jobs_that_wait
@@ -81,7 +88,10 @@ def _tell_waits(arn: str, settings: "Settings") -> None:
 
 
 def _tell_owner(arn: str, settings: "Settings") -> None:
-    """Prints on standard error which process runs a job, and which may continue it, as the response does not say it."""
+    """Prints on standard error which process runs a job, and which may continue it, as the response does not say it.
+
+    Nothing is printed if that is not known.
+    """
     from .....tasks.jobs.job_owners import standing_of
     from .....tasks.service.service import Service
 

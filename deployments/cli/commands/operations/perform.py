@@ -21,7 +21,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker perform`: runs a stored job to its end; the exit code tells its outcome."""
+    """Runs `robomaker perform`: runs a stored job or batch, or a run that broke off, to its end.
+
+    Returns the exit code that tells the outcome. Raises InvalidParameterException if the ARN is of another kind.
+    """
     from .....schemas.settings import Settings
     from .....schemas.wire.arns import ResourceArn
     from ....worker.job_pools import job_pools
@@ -51,7 +54,11 @@ def _arn_of(given: str, kinds: Sequence[Any], settings: "Settings") -> str | Non
 
 
 def _finish(arguments: argparse.Namespace) -> int:
-    """Resumes an interrupted run without comparing environments, because the user of this command decides."""
+    """Resumes an interrupted run without comparing environments, because the user of this command decides.
+
+    Returns the exit code of the run. Raises ConfigurationError if no run of that name has broken off, or if it was
+    ordered in the console, whose server finishes it.
+    """
     from .....schemas.settings import Settings
     from .....tasks.nights.broken_off import broken_off
     from .....tasks.nights.open_runs import OpenRun

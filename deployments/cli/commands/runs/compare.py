@@ -59,7 +59,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker compare`: compares two runs; the exit code tells whether the second is better or worse."""
+    """Runs `robomaker compare`: compares two runs, or two values of an axis; the exit code tells which one is better.
+
+    Writes a page of both side by side with `--report`. Raises ConfigurationError if options do not go together, or if
+    both names are of one run.
+    """
     from .....schemas.settings import Settings
 
     difference, margin = _shares(arguments)
@@ -94,7 +98,11 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _compare_cells(arguments: argparse.Namespace, runs: Path, page: Path | None) -> int:
-    """Compares the first value of an axis with another one within a run; returns the exit code of the answer."""
+    """Compares the first value of an axis with another one within a run; returns the exit code of the answer.
+
+    The answer is printed, and written as a page if `page` is given. Raises ConfigurationError if an option is given
+    that is for two runs.
+    """
     wrong = next((name for name in ("after", "difference", "margin") if getattr(arguments, name) is not None), None)
     if wrong is not None:
         given = "B" if wrong == "after" else f"--{wrong}"

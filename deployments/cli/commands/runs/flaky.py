@@ -29,7 +29,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker flaky`: runs jobs of a run again, and says what decides how they end."""
+    """Runs `robomaker flaky`: runs jobs of a run again, and prints for each what decides how it ends.
+
+    These are the failed jobs unless `--job` names others; the exit code is 0 if there are none. Raises
+    ConfigurationError if `--reruns` is out of range.
+    """
     from .....schemas.runs.verification import FlakyJobs
     from .....schemas.wire.errors import ConfigurationError
     from .....tasks.flakiness.flaky_jobs import FEWEST_RERUNS, all_jobs, examine, jobs_to_examine

@@ -46,7 +46,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker gc`: deletes old runs and worlds; exit code 3 if something could not be deleted."""
+    """Runs `robomaker gc`: deletes old runs and worlds, after a question unless `--yes` is given.
+
+    With `--dry-run` it only shows them. Returns exit code 3 if something could not be deleted. Raises
+    ConfigurationError if there is no terminal to ask on.
+    """
     from .....schemas.settings import Settings
 
     policy = _policy(arguments)
@@ -121,7 +125,7 @@ def _left_behind(settings: "Settings", service: "Service", *, act: bool) -> list
 
 
 def _kept_outputs(service: "Service") -> list[str]:
-    """Lists outputs that exist only on this machine, as text; they are not deleted."""
+    """Returns a line of text on outputs that exist only on this machine; no line if there are none."""
     from .....tasks.jobs.job_folders import find_kept
 
     if not (kept := find_kept(service)):

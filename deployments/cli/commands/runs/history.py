@@ -36,7 +36,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker history`: prints the history of a specification's runs and writes its page."""
+    """Runs `robomaker history`: prints the history of a specification's runs and writes its page.
+
+    Runs that cannot be read are named on standard error. Raises ConfigurationError if no run can be shown, or
+    `--runs` is below 1.
+    """
     from .....schemas.settings import Settings
 
     if arguments.runs < 1:
@@ -74,7 +78,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _nothing(name: str, runs: Path, found: "FoundRecords") -> str:
-    """Explains why a specification has no history."""
+    """Says why a specification has no history: no run of it can be read, none is a night, or there is none."""
     from .....tasks.inspection.run_records import find_records, names_of_specifications
 
     if found.unreadable:

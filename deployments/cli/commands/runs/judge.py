@@ -31,7 +31,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker judge`: judges a ROS recording by requirements; the exit code is the verdict."""
+    """Runs `robomaker judge`: stores a ROS recording and judges it by requirements; the exit code is the verdict.
+
+    Raises an error before anything is stored if the requirements, the world or the recording do not fit.
+    """
     from .....schemas.settings import Settings
     from .....schemas.specs.check import load_spec
     from .....schemas.specs.yaml_nodes import parse, plain

@@ -31,7 +31,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker report`: prints the path of a run's report, or its numbers."""
+    """Runs `robomaker report`: writes a run's report anew and prints its path, its numbers (JSON) or its Markdown.
+
+    JUnit XML and Markdown are written to files, too, if asked. Raises ConfigurationError if both Markdown and JSON
+    would be printed.
+    """
     from .....schemas.settings import Settings
 
     junit = output_file(arguments.junit, "--junit")

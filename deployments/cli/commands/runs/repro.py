@@ -22,7 +22,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker repro`: writes a folder with everything to repeat a simulation run."""
+    """Runs `robomaker repro`: repeats a simulation run, and writes a folder with everything to repeat it elsewhere.
+
+    Returns 0 also if the rerun ended otherwise than the run, which is printed.
+    """
     from .....schemas.runs.verification import ROBOT_IN_WORDS
     from .....tasks.inspection.replays import reproduce_run
 

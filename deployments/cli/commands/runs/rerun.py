@@ -39,7 +39,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker rerun`: runs jobs of an earlier run again; the exit code says how they ended."""
+    """Runs `robomaker rerun`: runs jobs of an earlier run again, as a new run; the exit code says how they ended.
+
+    It is 0, and nothing is run, if no job of the run was selected.
+    """
     from .....schemas.specs.check import load_spec
     from ...pipelines import carry_out, settings_of
 

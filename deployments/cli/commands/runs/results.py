@@ -23,7 +23,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker results`: writes the table of a run's results; how the run stands goes to standard error."""
+    """Runs `robomaker results`: writes the table of a run's results; how the run stands goes to standard error.
+
+    The table goes to the file of `--to`, whose path is printed, or else as CSV to standard output. Raises
+    ConfigurationError if the file cannot be written.
+    """
     from .....schemas.settings import Settings
     from .....tasks.results.exports import check_extension, export_table
 

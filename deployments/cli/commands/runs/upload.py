@@ -26,7 +26,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker upload`: uploads outputs whose upload failed; exit code 3 if some fail again."""
+    """Runs `robomaker upload`: uploads outputs whose upload failed; with `--dry-run` it only shows them.
+
+    Returns exit code 3 if some fail again.
+    """
     from .....schemas.reports.retention import KeptReport
     from .....tasks.jobs.job_folders import find_kept
 
@@ -38,7 +41,10 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _seen_to(kept: "KeptOutputs", service: "Service", *, dry_run: bool) -> "KeptRun":
-    """Uploads the outputs of one run, unless `dry_run` is true; a failure does not end the command."""
+    """Uploads the outputs of one run, without waiting for a store that is away; only looks if `dry_run` is true.
+
+    A failure does not end the command: it is the `problem` of the answer.
+    """
     from dataclasses import replace
 
     from .....schemas.reports.retention import KeptRun

@@ -23,7 +23,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker verify`: repeats a simulation run and compares all states; the exit code is the result."""
+    """Runs `robomaker verify`: repeats a simulation run, compares all states, and prints the answer.
+
+    Returns the answer's exit code: whether the rerun is equal, differs, or could not be compared.
+    """
     from .....schemas.runs.verification import EXIT_CODES
     from .....tasks.inspection.replays import verify_run
 

@@ -48,7 +48,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker challenge`: runs sabotaged jobs; the exit code says whether requirements catch all sabotages."""
+    """Runs `robomaker challenge`: runs sabotaged jobs; the exit code says whether requirements catch all sabotages.
+
+    The run is named after the specification with `-challenge`, and sends no notifications. Raises ConfigurationError
+    if `--jobs` is below 1.
+    """
     from .....schemas.reports.challenge import Challenge, SabotageResult
     from .....schemas.specs.challenge_requests import ChallengeCut, challenged_spec
     from .....schemas.specs.sabotages import BUILT_IN, distinct

@@ -182,7 +182,10 @@ def _named(
 
 
 def _warnings(specs: "Sequence[CheckedSpec]", settings: "Settings") -> list[str]:
-    """Warns about objects that the specifications name and that are missing in this machine's object store."""
+    """Warns about objects that the specifications name and that are missing in this machine's object store.
+
+    The list is empty if none is missing; if the store does not answer, it has a warning about that.
+    """
     from .....schemas.wire.errors import StorageError
     from .....tasks.storage import open_store
     from ....deploying.deployables import missing_objects, needs_of

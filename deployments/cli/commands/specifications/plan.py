@@ -63,7 +63,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker plan`: prints the steps of a specification, without running them."""
+    """Runs `robomaker plan`: prints the steps of a specification without running them.
+
+    With `--probe` one job of each step is run, to forecast time, disk space and cost.
+    """
     from ...inputs.specifications import given_parameters, read_spec
     from ...planning import planned
 
@@ -82,7 +85,10 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _questions(arguments: argparse.Namespace) -> "list[Question]":
-    """Returns the statistical questions of `--detect` and `--margin`."""
+    """Returns the statistical questions of `--detect` and `--margin`; an empty list if neither is given.
+
+    Raises ConfigurationError if options do not go together or are out of range.
+    """
     shares = {
         "difference": percentage(arguments.detect, "--detect", whole=True),
         "margin": percentage(arguments.margin, "--margin"),
@@ -113,7 +119,7 @@ def _questions(arguments: argparse.Namespace) -> "list[Question]":
 def _needed(
     spec: "CheckedSpec", steps: "list[PlannedStep]", asked: "list[Question]", forecast: "Forecast | None"
 ) -> "list[PlannedPairs]":
-    """Plans the number of trials that answers each question, by earlier runs and the probe."""
+    """Plans the number of trials that answers each question, by earlier runs, and with times if a forecast is given."""
     from .....schemas.settings import Settings
     from .....tasks.comparison.compared_runs import NightRun
     from .....tasks.comparison.detection import liveliest_pairs, plan_pairs
@@ -181,7 +187,10 @@ def _lines(
 
 
 def _forecast(spec: "CheckedSpec", arguments: argparse.Namespace) -> "Forecast":
-    """Runs a probe of the specification."""
+    """Runs one job of each step of the specification, and forecasts the whole run from them.
+
+    Raises an error if the machines or the specification do not allow that.
+    """
     from .....schemas.specs.probe_requests import check_probed
     from ...output.progress import watcher
     from ...pipelines import settings_of

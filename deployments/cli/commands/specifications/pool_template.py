@@ -20,7 +20,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker pool-template`: prints the job template for a Prefect work pool."""
+    """Runs `robomaker pool-template`: prints the job template (JSON) for a Prefect work pool.
+
+    Uses a Prefect server unless the pool's type is `process`. An image or a variable that does not do is an error.
+    """
     from .....schemas.settings import Settings
     from ....deploying.job_variables import check_image, environment_of_words
     from ...prefect_server import use_server

@@ -58,7 +58,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker run`: runs a specification; the exit code says how it ended."""
+    """Runs `robomaker run`: runs a specification to its end and prints a summary; the exit code says how it ended."""
     from .....tasks.nights.wanted_runs import WantedRun
     from ...pipelines import carry_out, settings_of
 
@@ -130,7 +130,10 @@ def again(arguments: argparse.Namespace, parameters: "Mapping[str, ParameterValu
 
 
 def _chosen(arguments: argparse.Namespace) -> "CheckedSpec":
-    """Reads the specification, and applies the options that replace its values."""
+    """Reads the specification, and replaces its name and seed by those of the options.
+
+    Raises an error if the specification has problems, or a name or seed does not do.
+    """
     from .....schemas.specs.specification import with_seed
     from ...inputs.specifications import given_parameters, read_spec
 

@@ -15,7 +15,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker schema`: prints a JSON schema, such as that of specifications."""
+    """Runs `robomaker schema`: prints the JSON schema of specifications, or of one operation's requests."""
     if arguments.operation is None:
         if named("requirements"):  # the file knows the kinds of this package only
             from .....schemas.specs.json_schema import schema_text

@@ -30,7 +30,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker validate`: checks specification files; exit code 2 if any has a problem."""
+    """Runs `robomaker validate`: checks specification files and prints the problems and notes of all.
+
+    Returns exit code 2 if any has a problem or cannot be read.
+    """
     from ...inputs.specifications import InputFileError, given_parameters, read_spec
 
     given = given_parameters(arguments)

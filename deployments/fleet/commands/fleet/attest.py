@@ -19,7 +19,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker fleet attest`: writes the signed attestation that a simulation batch passed."""
+    """Runs `robomaker fleet attest`: writes the signed attestation that a simulation batch passed.
+
+    It goes to a file if one is named, else to standard output. Raises DeploymentError if the batch has not ended, or
+    its jobs did not all pass with this version.
+    """
     from .....schemas.wire.arns import ResourceArn
     from .....schemas.wire.errors import DeploymentError
     from .....tasks.fleet.attestations.passed_batch import BATCH, RunningBatch, StoredBatch, application_of, judge

@@ -27,7 +27,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker fleet plan`: prints what a deployment would do."""
+    """Runs `robomaker fleet plan`: prints what a deployment would do to each robot, without creating it."""
     from .....tasks.fleet.operations.deployment_jobs import plan_deployment
     from ....cli.inputs.specifications import read_request
 

@@ -22,7 +22,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker fleet report`: writes the report of a deployment."""
+    """Runs `robomaker fleet report`: writes the HTML report of a deployment, and prints its path.
+
+    An error is raised if there is no such deployment.
+    """
     from .....schemas.settings import Settings
 
     out = output_file(arguments.out, "--out")

@@ -19,7 +19,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker fleet status`: prints the fleets with their robots and deployments."""
+    """Runs `robomaker fleet status`: prints all fleets, or the one named, with their robots and deployments."""
     from .....tasks.fleet.views.fleet_standings import find_fleet, fleet_standing, fleets
 
     service = open_service()

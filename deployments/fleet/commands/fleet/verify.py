@@ -21,7 +21,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker fleet verify`: checks that a deployment delivered what its attestation covers."""
+    """Runs `robomaker fleet verify`: checks that a deployment delivered what its attestation covers.
+
+    Prints the answer, and returns its exit code.
+    """
     from .....schemas.wire.arns import ResourceArn
     from .....tasks.fleet.attestations.envelopes import known_public_key, read_public_key
     from .....tasks.fleet.attestations.required_batches import EXIT_CODES, check_deployment

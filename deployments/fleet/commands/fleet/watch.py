@@ -23,7 +23,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker fleet watch`: shows a deployment's progress until it ends."""
+    """Runs `robomaker fleet watch`: shows a deployment's progress until it ends; the exit code tells how it ended."""
     from .....tasks.fleet.views.fleet_standings import find_deployment, follow
     from ...live_fleets import fleet_watcher
 

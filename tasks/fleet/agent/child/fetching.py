@@ -46,7 +46,10 @@ Raises `HttpStatus`, `TryLater`.
 
 
 def source_of(connection: Connection) -> Source:
-    """Makes a function that reads files from the robot's update server."""
+    """Makes a function that reads a file of the robot's update server from a position in bytes.
+
+    It raises TryLater if the server cannot be reached, and HttpStatus if it refuses.
+    """
 
     def read(path: str, start: int) -> Part:
         link = connect(connection, _TIMEOUT_S)
@@ -78,7 +81,7 @@ def _chunks(link: http.client.HTTPConnection, answer: http.client.HTTPResponse, 
 
 
 def refusal(status: int, path: str) -> StepFailed | TryLater:
-    """Converts an HTTP error status to a failed deployment, or to a later retry."""
+    """Returns the error for an HTTP status of the update server: a failed step for 403 and 404, else a later try."""
     if status == 403:
         return StepFailed("BadPermissionError", f"the store denies {path}")
     if status == 404:
@@ -113,7 +116,10 @@ def fetch(source: Source, file: File, path: Path, progress: Callable[[int, int],
 
 
 def _complete(source: Source, file: File, part: Path, progress: Callable[[int, int], None]) -> None:
-    """Downloads the missing part of a file; if the file's hash is wrong afterwards, downloads all of it again."""
+    """Downloads the missing part of a file; if it then has the wrong hash, downloads all of it again, once.
+
+    Raises StepFailed if the hash is still wrong; the part is deleted then, and also after an error of the disk.
+    """
     was_begun = part.exists()
     try:
         _receive(source, file, part, progress)

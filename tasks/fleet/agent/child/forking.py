@@ -79,7 +79,7 @@ class Child:
             return None
 
     def end(self) -> int | None:
-        """Waits for the end of the agent's child process; returns the exit code."""
+        """Waits some seconds for the end of the agent's child process; returns its exit code, `None` if it runs on."""
         self._process.join(_KILLED_WITHIN_S)
         return self._process.exitcode
 
@@ -108,7 +108,7 @@ def _run(do: Callable[[Callable[..., None]], None], answers: int) -> None:
 
 
 def _forget_signals() -> None:
-    """Removes the agent's signal handlers in the child process, as they would wake the agent."""
+    """Removes the agent's signal handlers in its child process, in which they would wake the agent."""
     signal.set_wakeup_fd(-1)
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGCHLD):
         signal.signal(number, signal.SIG_DFL)

@@ -106,7 +106,7 @@ class Progress:
         self._due_s = 0.0
 
     def __call__(self, done: int, of: int) -> None:
-        """Reports the download's progress from its downloaded bytes and all bytes."""
+        """Reports the download's progress in percent from its downloaded bytes and all bytes, not too often."""
         now_s = self._monotonic()
         if now_s >= self._due_s:
             self._due_s = now_s + _PROGRESS_EVERY_S

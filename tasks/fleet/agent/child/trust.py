@@ -94,7 +94,7 @@ class Attested:
         raise _refused(f"{name} was not attested: {'; '.join(reasons) or 'the deployment has no attestation'}")
 
     def _disagreement(self, document: Document, sha256: str, content: bytes) -> str | None:
-        """Explains why an attestation is not accepted; `None`: it attests exactly this version."""
+        """Explains why an attestation is not accepted; `None` if it attests exactly this version."""
         try:
             envelope = Envelope.from_dict(json.loads(content))
             keys = [Key.from_dict(keyid, dict(key)) for keyid, key in self.keys.items()]
@@ -210,7 +210,10 @@ class Repository:
     def _fresh(
         self, order: Order, floors: Mapping[str, int], newest_s: float, seen: Callable[[Trusted], None]
     ) -> Updater:
-        """Reads the repository's metadata, also of the order's application, and checks it against the journal."""
+        """Reads the repository's metadata, also of the order's application, and checks it against the journal.
+
+        Reports the versions that were seen. Raises StepFailed if metadata has expired or is older than seen before.
+        """
         role = f"application-{application_of(order.target)}"
         self._metadata.mkdir(parents=True, exist_ok=True)
         updater = Updater(str(self._metadata), "metadata/", fetcher=_Fetcher(self._source), bootstrap=self._root)
@@ -241,7 +244,10 @@ class Repository:
             attested.check(document, bundle.sha256, {path: self._text(updater, path) for path in paths})
 
     def _text(self, updater: Updater, path: str) -> bytes:
-        """Downloads a small target file into memory."""
+        """Downloads a small target file into memory, and leaves it in the downloads.
+
+        Raises StepFailed if it is too long, or nothing vouches for it.
+        """
         target = _found(updater, path)
         if target.length > MAX_DOCUMENT_BYTES:
             raise StepFailed("RobotDeploymentAborted", f"{path} has {target.length} bytes, which is too long")
@@ -255,7 +261,10 @@ class Repository:
         return content
 
     def _checked(self, roles: tuple[str, ...], floors: Mapping[str, int], newest_s: float) -> Trusted:
-        """Compares the metadata that TUF accepted with the versions and times in the agent's journal."""
+        """Compares metadata that TUF accepted with versions and times in the agent's journal; returns its versions.
+
+        Raises StepFailed if a role is older than seen before, or has expired. A role without metadata is left out.
+        """
         versions: dict[str, int] = {}
         believed = datetime.fromtimestamp(max(newest_s, self._now_s), timezone.utc)
         for role in roles:
@@ -279,7 +288,10 @@ class Repository:
 
 
 def _found(updater: Updater, path: str) -> File:
-    """Finds a target's location, with the length and the hash that were signed."""
+    """Returns the location of a target in the repository, with the length and the SHA-256 that were signed.
+
+    Raises StepFailed if no role vouches for the target, or it has no SHA-256.
+    """
     target = updater.get_targetinfo(path)
     if target is None:
         raise StepFailed("ResourceNotFound", f"no role of the repository vouches for {path}")

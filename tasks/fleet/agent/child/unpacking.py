@@ -52,7 +52,7 @@ def _unpack_system_tree(archive: Path, folder: Path) -> None:
 
 
 def _sync(top: Path) -> None:
-    """Makes files, folders and their names survive a power loss."""
+    """Makes files, folders and their names survive a power loss, and folders readable to all."""
     for folder, _, files in os.walk(top):
         Path(folder).chmod(0o755)
         for name in files:

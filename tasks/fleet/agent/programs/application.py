@@ -83,7 +83,10 @@ class Application:
         self._version, self._since_s = version, self._monotonic()
 
     def ended(self) -> str | None:
-        """Returns how the application ended by itself (once for each end); `None` if it is running."""
+        """Returns how the application ended by itself (once for each end); `None` if it is running or was reported.
+
+        Processes that it left are killed, and the next start is put off.
+        """
         if self._process is None or (code := self._process.poll()) is None:
             return None
         up_s = self._monotonic() - self._since_s
@@ -109,13 +112,13 @@ class Application:
         return f"version {self._version.version} keeps restarting: {self._how or 'it cannot be started'}"
 
     def delay_next_start(self, *, was_steady: bool = False) -> None:
-        """Delays the next start of the robot's application, longer after each failure."""
+        """Delays the next start of the robot's application, longer after each failure; not after a steady run."""
         self._failures = 0 if was_steady else self._failures + 1
         pause_s = 0.0 if was_steady else min(_LONGEST_PAUSE_S, 2.0 ** min(self._failures, 10) / 2)
         self.due_s = self._monotonic() + pause_s
 
     def stop(self) -> None:
-        """Stops the robot's application: asks it to end, waits, then kills it."""
+        """Stops the robot's application and its processes: asks it to end, waits some seconds, then kills it."""
         self.due_s, self._failures, self._how = None, 0, ""
         if self._process is None:
             return

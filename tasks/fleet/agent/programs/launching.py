@@ -190,7 +190,10 @@ def launch_command(folder: Path, launch: Launch, which: Which = shutil.which) ->
 
 
 def _ros_launch(folder: Path, package: str, file: str, path: Path | None, which: Which) -> list[str]:
-    """Returns the command line that starts a launch file with the archive's own ROS, or else the robot's ROS."""
+    """Returns the command line that starts a launch file with the archive's own ROS, or else the robot's ROS.
+
+    Raises StepFailed if the launch file, the ROS program or its interpreter is missing.
+    """
     lack = lacks_launch_file(folder, package, file) if path is None else None
     if lack is not None:
         raise StepFailed("EnvironmentSetupError", f"launchFile: {lack}")
@@ -278,7 +281,7 @@ def _inside(folder: Path, name: str) -> Path | None:
 
 
 def interpreted(path: Path) -> list[str]:
-    """Returns the command line that runs a file, with its interpreter if needed."""
+    """Returns the command line that runs a file: itself if it is a program, else with python3 (`.py`) or a shell."""
     with path.open("rb") as file:
         beginning = file.read(4)
     if (beginning == b"\x7fELF" or beginning.startswith(b"#!")) and os.access(path, os.X_OK):

@@ -55,7 +55,7 @@ class ChildWork:
         return events
 
     def stop(self) -> None:
-        """Ends the child process."""
+        """Kills the child process if it still runs."""
         if not self._is_over:
             self._child.kill()
             self._close()
@@ -168,13 +168,16 @@ class Watch:
 
     @property
     def due_s(self) -> float | None:
-        """Time of the next poll, by the monotonic clock in seconds."""
+        """Time of the next look at a new version's health, by the monotonic clock (s); `None` if the check is over."""
         if self._checking is not None:
             return self._checking.due_s
         return None if self._is_over else self._until_s
 
     def poll(self) -> list[Event]:
-        """Returns the result of a new version's health check, once known."""
+        """Returns the result of a new version's health check once, as soon as it is known; nothing before and after.
+
+        Without a check the version passes when it has stayed up for its time.
+        """
         if self._checking is not None:
             return self._checking.poll()
         if self._is_over or self._monotonic() < self._until_s:

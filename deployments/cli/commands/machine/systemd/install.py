@@ -14,7 +14,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker systemd install`: writes the systemd units and prints their paths."""
+    """Runs `robomaker systemd install`: writes systemd's unit files of this user, and prints their paths.
+
+    Nothing is enabled or started; the commands that do so go to standard error.
+    """
     from .....systemd.unit_files import install
 
     del arguments

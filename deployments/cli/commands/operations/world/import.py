@@ -73,7 +73,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker world import`: makes a world of a drawing, map or Gazebo world, and prints facts about it."""
+    """Runs `robomaker world import`: makes and stores a world of a drawing, map or Gazebo world, and prints its facts.
+
+    Raises ConfigurationError if an option does not belong to the kind of the file, or a workspace has several worlds
+    and none is named.
+    """
     from ......schemas.wire.errors import ConfigurationError
     from ......tasks.worlds.gazebo_imports import SUFFIXES
     from ......tasks.worlds.workspaces import is_workspace
@@ -138,7 +142,10 @@ def _print_worlds(workspace: "Workspace", output: str) -> None:
 
 
 def _keep_drawn(arguments: argparse.Namespace) -> str:
-    """Makes and stores the world of a drawing; returns its ARN."""
+    """Makes and stores the world of a drawing or map, with the notes beside it if there are some; returns its ARN.
+
+    Raises ConfigurationError if an option is given that is for Gazebo worlds only.
+    """
     from ......schemas.wire.errors import ConfigurationError
     from ......tasks.worldforge.drawings.drawing_import import READERS, Source, import_world
     from ......tasks.worlds.keeping import keep_world
@@ -162,7 +169,10 @@ def _keep_gazebo(
     start_from: str | None = None,
     more_models: "Sequence[Path]" = (),
 ) -> str:
-    """Imports and stores a world in Gazebo's format; returns its ARN."""
+    """Imports and stores a world in Gazebo's format, with the notes beside it if there are some; returns its ARN.
+
+    Raises ConfigurationError if an option is given that is for drawings only.
+    """
     from ......schemas.wire.errors import ConfigurationError
     from ......schemas.worlds.gazebo_notes import GazeboNotes
     from ......tasks.worldforge.drawings.drawn_shapes import read_yaml
@@ -223,7 +233,10 @@ def _seed(number: int) -> int:
 
 
 def _notes(source: "Source", scale: str | None) -> "DrawingNotes":
-    """Reads the drawing's notes; the scale of the command line takes precedence."""
+    """Reads the drawing's notes, the defaults if it has none; the scale of the command line takes precedence.
+
+    Raises ConfigurationError if `--scale` is no scale.
+    """
     from pydantic import ValidationError
 
     from ......schemas.templates.drawing_notes import DrawingNotes

@@ -23,7 +23,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker world map`: writes a Nav2 map of a world for a robot's height."""
+    """Runs `robomaker world map`: writes a Nav2 map of a world for a robot's height, and prints its path.
+
+    Raises ConfigurationError if the folder exists already, or the height does not do; nothing is written then.
+    """
     from ......schemas.exit_codes import OK
     from ......schemas.wire.errors import ConfigurationError
     from ......tasks.worldforge.bundle.robot_map import write_robot_map

@@ -22,7 +22,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker world prove`: prints a world's measured guarantees; the exit code says whether they hold."""
+    """Runs `robomaker world prove`: measures a world's guarantees anew and prints them; the exit code says if all hold.
+
+    Raises ConfigurationError if the world is an export, or its model is one that MuJoCo does not accept, or
+    `--pushed` is given for a world that was imported from Gazebo.
+    """
     from dataclasses import replace
 
     from ......schemas.exit_codes import OK, VERDICT_FAILED

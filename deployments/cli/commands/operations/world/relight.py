@@ -26,7 +26,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker world relight`: writes a world's MJCF model with another lighting."""
+    """Runs `robomaker world relight`: writes a world's MJCF model with another lighting, and prints its path.
+
+    The folder has to be new: raises ConfigurationError if it exists already, or there is no such appearance.
+    """
     from ......schemas.exit_codes import OK
     from ......schemas.wire.errors import ConfigurationError
     from ......schemas.worlds.appearance import appearance_named, relit

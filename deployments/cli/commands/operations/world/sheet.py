@@ -32,7 +32,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker world sheet`: writes an overview of worlds as a picture and a page."""
+    """Runs `robomaker world sheet`: writes an overview of a job's worlds as a picture (PNG) and a page (HTML).
+
+    Prints the paths of both, and opens the page in a browser if that is wanted. Raises an error if there is no such
+    job.
+    """
     from ....inputs.world_lookup import output_file
 
     if arguments.job.startswith("arn:"):
@@ -54,7 +58,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def job_sheet(job: "Resource", service: "Service") -> "Sheet":
-    """Makes the contact sheet (overview page) of a generation job's worlds so far."""
+    """Makes the contact sheet (overview page) of a generation job's worlds so far, those with problems first."""
     from ......tasks.worldforge.viewer.contact_sheet import Sheet, SheetFailure, problems_first
 
     worlds = sorted(

@@ -17,7 +17,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker world show`: prints facts about a world, and draws it if asked."""
+    """Runs `robomaker world show`: prints facts about a world; with `--pictures` it writes pictures into a folder."""
     from ....inputs.world_lookup import find_world
     from ....output.world_facts import fact_lines, print_world, world_facts
 

@@ -57,7 +57,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker world vary`: makes and stores a variation of a world."""
+    """Runs `robomaker world vary`: makes a variation of a world, stores it as a new world, and prints facts about it.
+
+    A door, piece or friction that is named twice is an error.
+    """
     from ......tasks.worldforge.generator import Wanted
     from ......tasks.worlds.keeping import keep_variation
     from ....inputs.world_lookup import find_world

@@ -27,7 +27,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker world view`: shows a world in 3D, in a window or a web page."""
+    """Runs `robomaker world view`: shows a world in 3D in MuJoCo's window, or else writes a web page of it.
+
+    The page is written where `--html` or `--open` asks for it, and where there is no display or MuJoCo's viewer
+    fails; its path is printed.
+    """
     from ....inputs.world_lookup import find_world, output_file
 
     found = find_world(arguments.world)
@@ -55,7 +59,10 @@ def has_display(environ: Mapping[str, str] | None = None, platform: str = sys.pl
 
 
 def _mujoco_viewer(found: "FoundWorld") -> bool:
-    """Opens MuJoCo's viewer and waits until it is closed; tells whether it worked."""
+    """Opens MuJoCo's viewer in a process of its own, and waits until it is closed.
+
+    Returns False if the viewer failed, and prints the reason on standard error.
+    """
     model = found.folder / "world.xml"
     sys.stderr.write("MuJoCo's viewer is opening; this command ends when it is closed.\n")
     # A process of its own: on a machine whose graphics are broken it crashes.

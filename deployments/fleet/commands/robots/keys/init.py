@@ -22,7 +22,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker robots keys init`: creates the signing keys and first TUF root for updates."""
+    """Runs `robomaker robots keys init`: creates the signing keys and first TUF root for updates.
+
+    The root keys are written into the folder of `--to`, whose paths are printed; the other keys stay on this machine.
+    """
     from ......tasks.fleet.attestations.envelopes import read_public_key
     from ......tasks.fleet.trust.ceremonies import AttestedChange, begin_apart
     from ......tasks.fleet.trust.publishing import publisher_of

@@ -14,7 +14,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:  # noqa: ARG001 - the signature of all commands
-    """Runs `robomaker robots keys renew`: renews signatures of the update repository that are due."""
+    """Runs `robomaker robots keys renew`: renews signatures of the update repository that are due.
+
+    Prints until when they are valid, or that there is nothing to sign.
+    """
     from ......tasks.fleet.trust.publishing import publisher_of
 
     now = publisher_of(open_service()).keep_up()

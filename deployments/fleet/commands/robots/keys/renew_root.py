@@ -31,7 +31,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker robots keys renew-root`: signs the next TUF root, and publishes it once signed enough."""
+    """Runs `robomaker robots keys renew-root`: signs the next TUF root, and publishes it once signed enough.
+
+    Prints how many signatures are missing, and the paths of new root keys. Raises ConfigurationError if `--to` is
+    given without `--rotate root`.
+    """
     from ......schemas.wire.errors import ConfigurationError
     from ......tasks.fleet.attestations.envelopes import read_public_key
     from ......tasks.fleet.trust.ceremonies import AttestedChange, renew_root

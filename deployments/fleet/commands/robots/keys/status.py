@@ -24,7 +24,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs `robomaker robots keys status`: prints the state of the signing roles."""
+    """Runs `robomaker robots keys status`: prints the state of the signing roles; exit code 1 if one has a warning."""
     from ......tasks.fleet.trust.upkeep import attested_of, standing_of
 
     service = open_service()

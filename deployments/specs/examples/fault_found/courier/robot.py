@@ -36,7 +36,7 @@ class Courier:
         """Distance of the robot from the place that the odometry says, to the left."""
 
     def __call__(self, timestep) -> np.ndarray:
-        """Returns speed and turning rate."""
+        """Returns the robot's speed in m/s and turning rate in rad/s, after the door it sees corrected its place."""
         seen = timestep.observation
         x, y, yaw = seen["odometry"]
         ahead = DOOR_X_M - x
