@@ -163,9 +163,9 @@ def send(visit: Visit) -> Response:
 
 
 def _logs(place: StoredPlace | None, files: dict[str, int], timeline: JobTimeline, visit: Visit) -> list[Log]:
-    """Returns the ends of a job's logs, with the simulated times of their lines where these are recorded.
+    """Returns the ends of the logs of a job, or of the recorded trial that the time line shows.
 
-    The list is empty if the job stored nothing. Logs of a recorded trial get no times, as it has none of its own.
+    Lines have simulated times where these are recorded. The list is empty if nothing was stored.
     """
     if place is None:
         return []

@@ -87,7 +87,7 @@ class _Ends:
     totals: Counter[str] = field(default_factory=Counter[str])
 
     def chance(self, hold: Hold, end: _End) -> float:
-        """Returns the probability (0 to 1) of a label in the next rerun; `new` is the count for all new labels."""
+        """Returns the probability (0 to 1) of a label in the next rerun: a verdict, or, of its verdict, a way."""
         drawn = self._drawn(end)
         if not self.fixed or not self.holds(hold):
             return drawn

@@ -14,13 +14,7 @@ from ...schemas.documents.worlds import StoredPlace
 from ...schemas.job_owners import JobOwner
 from ...schemas.reports.against import in_words
 from ...schemas.reports.challenge import Challenge
-from ...schemas.reports.names import (
-    application_name,
-    job_name,
-    short_name,
-    unique_job_names,
-    unique_world_names,
-)
+from ...schemas.reports.names import application_name, job_name, short_name, unique_job_names, unique_world_names
 from ...schemas.reports.report import (
     AxisResult,
     Report,
