@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 from helpers.paths import REPOSITORY
 from packaging.markers import Marker
+from packaging.requirements import Requirement
 from packaging.tags import sys_tags
 from packaging.utils import parse_wheel_filename
 
@@ -122,3 +123,11 @@ def test_the_readme_says_how_much_its_first_command_downloads() -> None:
     assert said is not None
     uv_mb = 18  # the program that downloads, which is no part of the lock
     assert abs(mb + uv_mb - int(said[1])) < 0.1 * int(said[1])
+
+
+def test_models_that_are_built_when_used_have_a_pydantic_that_builds_them_under_a_lock() -> None:
+    """2.13.5 is the newest without the lock: threads of a server that begin together got errors at random."""
+    declared = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]["dependencies"]
+    (pydantic,) = (each for each in map(Requirement, declared) if each.name == "pydantic")
+    assert not pydantic.specifier.contains("2.13.5")
+    assert pydantic.specifier.contains("2.14.0")
