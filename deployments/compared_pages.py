@@ -200,8 +200,8 @@ class _Videos:
         except OSError as error:
             why = os.strerror(error.errno).lower() if error.errno else str(error)
             raise ConfigurationError(
-                f"--report: the page's folder of videos {self.folder} cannot be written: {why}; a page in a folder where "
-                "you may write would be right"
+                f"--report: the page's folder of videos {self.folder} cannot be written: {why}; a page in a folder "
+                "where you may write would be right"
             ) from error
         self.has_copied = True
         return quote(f"{self.folder.name}/{name}")
