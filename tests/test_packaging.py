@@ -1,10 +1,13 @@
 import ast
+import pkgutil
 import re
 import shutil
 import subprocess
 import sys
 import tomllib
 import zipfile
+from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +17,9 @@ from packaging.markers import Marker
 from packaging.requirements import Requirement
 from packaging.tags import sys_tags
 from packaging.utils import parse_wheel_filename
+from pydantic import BaseModel
 
+from prefect_robomaker import schemas
 from prefect_robomaker.tasks.operations.registry import registry
 
 TOP = ("prefect_robomaker", "schemas", "tasks", "flows", "deployments")
@@ -72,6 +77,22 @@ def test_every_pydantic_field_has_a_description() -> None:
     ]
 
     assert missing == []
+
+
+def test_every_model_can_be_built() -> None:
+    """Models are built when they are first used: a wrong annotation would fail in a night, and not when imported."""
+    for module in pkgutil.walk_packages(schemas.__path__, f"{schemas.__name__}."):
+        import_module(module.name)
+    models = [each for each in _subclasses(BaseModel) if each.__module__.startswith(f"{schemas.__name__}.")]
+    assert len(models) > 300
+    for model in models:
+        model.model_rebuild()  # raises an error that names the model
+
+
+def _subclasses(of: type[BaseModel]) -> Iterator[type[BaseModel]]:
+    for each in of.__subclasses__():
+        yield each
+        yield from _subclasses(each)
 
 
 def test_prefect_yaml_deploys_every_flow() -> None:
