@@ -1,16 +1,19 @@
 """Pages that show two runs, or two cells of an axis of one run, side by side: of the console, and as a file."""
 
 import base64
+import os
 import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import BinaryIO
 from urllib.parse import quote, unquote
 
 from ..schemas.reports.changes import ChangedInput
 from ..schemas.reports.comparison import Comparison
 from ..schemas.reports.report import ReportedFile
 from ..schemas.reports.run_record import JobRecord, RunRecord
+from ..schemas.wire.errors import ConfigurationError
 from ..tasks.comparison.compared_runs import NightRun, name_of
 from ..tasks.comparison.pairing import Pair, pair_jobs
 from ..tasks.comparison.side_by_side import StepAxis, by_change, has_changed, pair_cells, requirements_beside, was_run
@@ -140,6 +143,9 @@ def compared_file(sides: Sides, service: Service, path: Path) -> ComparisonPage:
         sides: Both sides.
         service: Service that stores outputs and worlds.
         path: Path of the file.
+
+    Raises:
+        ConfigurationError: The folder of videos cannot be written.
     """
     lines = [PairLine(name_of(pair.after).title, (pair.before, pair.after)) for pair in sides.pairs[MOST_CARDS:]]
     videos = _Videos(path)
@@ -160,7 +166,11 @@ class _Videos:
         self._embedded_bytes = 0
 
     def link(self, job: JobRecord, file: ReportedFile) -> str:
-        """Returns the URL of a video; one in another object store, or that is gone, has none."""
+        """Returns the URL of a video; one in another object store, or that is gone, has none.
+
+        Raises:
+            ConfigurationError: The folder of videos cannot be written.
+        """
         if not file.uri.startswith("file:///"):
             return ""
         video = Path(unquote(file.uri.removeprefix("file://")))
@@ -170,13 +180,29 @@ class _Videos:
             if size_bytes <= _MOST_EMBEDDED_BYTES and together <= _MOST_EMBEDDED_TOGETHER_BYTES:
                 self._embedded_bytes = together
                 return f"data:video/mp4;base64,{base64.b64encode(video.read_bytes()).decode()}"
-            return self._copied(video, f"{job.label}-{file.name}")
+            opened = video.open("rb")
         except OSError:
             return ""
+        with opened:
+            return self._copied(opened, f"{job.label}-{file.name}")
 
-    def _copied(self, video: Path, name: str) -> str:
-        self.folder.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(video, self.folder / name)
+    def _copied(self, video: BinaryIO, name: str) -> str:
+        path = self.folder / name
+        partial = path.with_name(f".{name}.{os.getpid()}.part")
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            try:
+                with partial.open("xb") as file:
+                    shutil.copyfileobj(video, file)
+                partial.replace(path)
+            finally:
+                partial.unlink(missing_ok=True)
+        except OSError as error:
+            why = os.strerror(error.errno).lower() if error.errno else str(error)
+            raise ConfigurationError(
+                f"--report: the page's folder of videos {self.folder} cannot be written: {why}; a page in a folder "
+                "where you may write would be right"
+            ) from error
         self.has_copied = True
         return quote(f"{self.folder.name}/{name}")
 

@@ -69,7 +69,8 @@ class NewlyMissed(Model):
         "simulation waited for. A program may draw numbers of its own; `robomaker flaky` tells."
     )
     changed: list[ChangedInput] = Field(
-        default=[], description="Applications of the job that changed since, and its request if that did."
+        default=[],
+        description="Packages and applications of the job that changed since, and its request if that did.",
     )
 
 

@@ -29,6 +29,9 @@ _LONGEST_LABEL = 255
 LONGEST_WORLD_NAME = 100
 """Characters of a name that is given to a world: pages and tables have a line for it."""
 
+_JOINERS = frozenset("\u200c\u200d")
+"""Characters that do not show themselves, and change how their neighbours do: in Persian and Hindi, and in emojis."""
+
 _NUMBER_OF_WORLD = re.compile(r"/world-(\d+)")
 _WHOLE_ID = re.compile(r"([a-z]+)-[0-9a-z]{12}(?:/world-\d+)?")
 _RANDOM_PART = re.compile(r"(?:[a-z]+-)?([0-9a-z]*)(?:/.*)?")
@@ -53,20 +56,27 @@ def world_name(template: str | None, world_id: str) -> str:
 def given_world_name(text: str) -> str:
     """Returns a name that somebody gives a world, with single blanks, as names of templates have in names of worlds.
 
+    Letters with accents are composed (NFC): names that look the same are the same.
+
     Raises:
         ValueError: It is no name; the text says what would be right.
     """
-    name = " ".join(text.split())
+    name = composed(" ".join(text.split()))
     if not 0 < len(name) <= LONGEST_WORLD_NAME:
         raise ValueError(f"{len(name)} characters; 1 to {LONGEST_WORLD_NAME} would be right")
     # Surrogates are what the command line makes of bytes that are no text.
-    if bad := sorted({letter for letter in name if unicodedata.category(letter) in ("Cc", "Cs")}):
+    if bad := sorted({letter for letter in name if unicodedata.category(letter) in ("Cc", "Cf", "Cs")} - _JOINERS):
         shown = ", ".join(f"U+{ord(letter):04X}" for letter in bad)
-        raise ValueError(f"a name has no control characters; remove {shown}")
+        raise ValueError(f"a name has no control characters, nor others that do not show; remove {shown}")
     whole_id = _WHOLE_ID.fullmatch(name)
     if name.startswith("arn:") or (whole_id and whole_id[1] in get_args(IdPrefix)):
         raise ValueError("it would be taken for an ARN or an id; a name for people, such as 'my flat', would be right")
     return name
+
+
+def composed(name: str) -> str:
+    """Returns a name with its letters composed (NFC), as names that people give are stored."""
+    return unicodedata.normalize("NFC", name)
 
 
 def name_label(name: str) -> dict[str, list[str]]:

@@ -22,7 +22,7 @@ from ..results.rates import margin_units
 from .compared_runs import NightRun, outcome_of
 from .difference_test import JudgedTrials, mean_change, needed_pairs, rate_change
 from .early_stops import answer_while_running
-from .failure_starts import appearances_of, changed_nights
+from .failure_starts import appearances_of, changed_nights, changed_versions
 from .losses import losses_of, told_losses
 from .pairing import ENDED, PASSED, Pair, Pairing, TrialPairs, pair_jobs, pair_trials
 from .requirement_changes import RequirementChanges, requirement_changes
@@ -69,7 +69,9 @@ def compare(
     if looked_at is None and answer == "not worse" and (open_question := _depends_on_lost(judged, fair, alpha, margin)):
         answer, why = "not comparable", open_question
     ended = np.array([pair.is_told for pair in pairing.pairs], dtype=bool)
-    requirements = requirement_changes(trials.only(ended[trials.jobs]), pairing.pairs)  # the same as the run's report
+    # The same as the run's report.
+    versions = changed_versions(before, after)
+    requirements = requirement_changes(trials.only(ended[trials.jobs]), pairing.pairs, versions)
     told = [(_told(pair, requirements), pair.outcomes) for pair in pairing.pairs]
     return Comparison(
         before=_compared(before),

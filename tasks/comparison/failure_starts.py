@@ -96,7 +96,12 @@ def changed_runs(before: NightRun, after: NightRun) -> list[ChangedInput]:
     changed = []
     if before.source and after.source and before.source.commit != after.source.commit:
         changed.append(ChangedInput(what="commit", before=before.source.commit, after=after.source.commit))
-    return changed + changed_parameters(before, after) + _differences("version", before.versions, after.versions)
+    return changed + changed_parameters(before, after) + changed_versions(before, after)
+
+
+def changed_versions(before: NightRun, after: NightRun) -> list[ChangedInput]:
+    """Returns the packages whose versions differ between two runs, and those that one lacks."""
+    return _differences("version", before.versions, after.versions)
 
 
 def changed_parameters(before: NightRun, after: NightRun) -> list[ChangedInput]:

@@ -14,6 +14,7 @@ from .failure_starts import (
     Appearance,
     appearances_of,
     changed_nights,
+    changed_versions,
     differs_with_same_inputs,
     failure_start,
     is_unsteady,
@@ -213,5 +214,6 @@ def _changed_requirements(
         by_night[earlier.night].append(Pair(earlier.job, now.job))
     found = RequirementChanges()
     for night, pairs in by_night.items():
-        found += requirement_changes(pair_trials(pairs, runs[night], runs[-1]), pairs)
+        versions = changed_versions(runs[night], runs[-1])
+        found += requirement_changes(pair_trials(pairs, runs[night], runs[-1]), pairs, versions)
     return found

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ...schemas.reports.changes import NewlyMissed, RequirementChange
+from ...schemas.reports.changes import ChangedInput, NewlyMissed, RequirementChange
 from ...schemas.reports.run_record import JobRecord
 from ...schemas.runs.plan import Requirement
 from .compared_runs import HEALTH, name_of
@@ -38,12 +38,15 @@ class RequirementChanges:
         return RequirementChanges(_worst_first(found.values()), self.jobs | other.jobs)
 
 
-def requirement_changes(trials: TrialPairs, pairs: Sequence[Pair]) -> RequirementChanges:
+def requirement_changes(
+    trials: TrialPairs, pairs: Sequence[Pair], versions: Sequence[ChangedInput]
+) -> RequirementChanges:
     """Compares which requirements were missed in two runs, requirement by requirement.
 
     Args:
         trials: Trials that both runs have.
         pairs: Jobs to which the trials belong.
+        versions: Packages whose versions differ between the runs, from `changed_versions`.
     """
     found, asked = RequirementChanges(), _Asked(trials, pairs)
     for name in dict.fromkeys((*trials.after.requirements, *trials.before.requirements)):
@@ -65,7 +68,7 @@ def requirement_changes(trials: TrialPairs, pairs: Sequence[Pair]) -> Requiremen
                 pairs=max(int(((before >= 0) & (after >= 0)).sum()), int(trials.judged.sum()) if is_health else 0),
                 newly_missed=int(newly_missed.sum()),
                 newly_met=int(newly_met.sum()),
-                places=[_place(name, index, trials, pairs) for index in _spread(newly_missed, trials.jobs)],
+                places=[_place(name, index, trials, pairs, versions) for index in _spread(newly_missed, trials.jobs)],
             )
         )
     return RequirementChanges(_worst_first(found.changes), found.jobs)
@@ -142,7 +145,9 @@ def _spread(which: NDArray[np.bool_], jobs: NDArray[np.int64]) -> list[int]:
     return found[np.concatenate([np.sort(first), rest])][:_MOST_PLACES].tolist()
 
 
-def _place(name: str, index: int, trials: TrialPairs, pairs: Sequence[Pair]) -> NewlyMissed:
+def _place(
+    name: str, index: int, trials: TrialPairs, pairs: Sequence[Pair], versions: Sequence[ChangedInput]
+) -> NewlyMissed:
     pair, row = pairs[int(trials.jobs[index])], int(trials.after_rows[index])
     number = trials.after.numbers("trial")[row]
     return NewlyMissed(
@@ -151,7 +156,7 @@ def _place(name: str, index: int, trials: TrialPairs, pairs: Sequence[Pair]) -> 
         trial=None if np.isnan(number) else int(number),
         detail=next((item.detail for item in trials.after.requirements_at(row) if item.name == name), ""),
         certain=_repeats(pair, trials, index),
-        changed=changed_jobs(pair),
+        changed=[*versions, *changed_jobs(pair)],
     )
 
 

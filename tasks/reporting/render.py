@@ -5,13 +5,13 @@ import hashlib
 import os
 import re
 import sys
+import threading
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
 from importlib.util import cache_from_source
 from pathlib import Path
-from pickle import UnpicklingError
 
 import jinja2
 from jinja2.bccache import Bucket
@@ -40,6 +40,7 @@ from .report_view import view_report
 from .worlds import axes_in_words
 
 _FOLDER = Path(__file__).parent
+_DIGEST_BYTES = hashlib.sha256().digest_size
 
 
 def render_report(report: Report, results: ResultTable | None = None) -> str:
@@ -179,25 +180,49 @@ def _environment(*folders: Path) -> jinja2.Environment:
     return page_environment(*folders)
 
 
-class _CompiledTemplates(jinja2.FileSystemBytecodeCache):
+class _CompiledTemplates(jinja2.BytecodeCache):
     """Keeps compiled templates among Python's compiled modules; where these may not be written, none are kept.
 
     Compiling the templates of a report takes 0.2 s of CPU time.
+
+    Args:
+        folder: Path of the folder; it is created if needed.
     """
 
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
     def load_bytecode(self, bucket: Bucket) -> None:
-        """Reads a compiled template from its file, if there is one of the same source."""
-        with suppress(
-            OSError, EOFError, UnpicklingError
-        ):  # also a file that a full disk cut off: the template is compiled again
-            super().load_bytecode(bucket)
+        """Reads a compiled template from its file, if there is one of the same source.
+
+        A damaged file is left alone, as Python may crash with one: the template is compiled again.
+        """
+        with suppress(OSError):
+            kept = self._path(bucket).read_bytes()
+            digest, code = kept[:_DIGEST_BYTES], kept[_DIGEST_BYTES:]
+            if digest == hashlib.sha256(code).digest():
+                bucket.bytecode_from_string(code)
 
     def dump_bytecode(self, bucket: Bucket) -> None:
-        """Writes a compiled template to its file."""
-        if not sys.dont_write_bytecode:
-            with suppress(OSError):  # somebody else's folder, a read-only or full disk
-                Path(self.directory).mkdir(parents=True, exist_ok=True)
-                super().dump_bytecode(bucket)
+        """Writes a compiled template to its file, atomically."""
+        if sys.dont_write_bytecode:
+            return
+        code, path = bucket.bytecode_to_string(), self._path(bucket)
+        with suppress(OSError):  # somebody else's folder, a read-only or full disk
+            self._folder.mkdir(parents=True, exist_ok=True)
+            partial = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}.part")
+            try:
+                partial.write_bytes(hashlib.sha256(code).digest() + code)
+                partial.replace(path)
+            finally:
+                partial.unlink(missing_ok=True)
+
+    def _path(self, bucket: Bucket) -> Path:
+        # Another release of Jinja, and other options, may compile the same template otherwise.
+        by = bucket.environment
+        options = (by.autoescape, by.trim_blocks, by.lstrip_blocks, by.keep_trailing_newline, sorted(by.extensions))
+        made_by = hashlib.sha256(repr((version("jinja2"), options)).encode()).hexdigest()[:12]
+        return self._folder / f"jinja2-{made_by}-{bucket.key}.cache"
 
 
 def _coded(text: str) -> Markup:
@@ -213,10 +238,7 @@ def page_environment(*folders: Path) -> jinja2.Environment:
     """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader([*folders, _FOLDER]),
-        bytecode_cache=_CompiledTemplates(
-            str(Path(cache_from_source(__file__)).parent),
-            f"jinja2-{version('jinja2')}-%s.cache",  # another release may compile templates otherwise
-        ),
+        bytecode_cache=_CompiledTemplates(Path(cache_from_source(__file__)).parent),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,

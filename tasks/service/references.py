@@ -12,6 +12,7 @@ from ...schemas.reports.names import (
     NAME_LABEL,
     ambiguous,
     begins_id,
+    composed,
     job_name,
     meant,
     near_names,
@@ -145,7 +146,9 @@ def worlds_meant(wanted: str, service: Service) -> list[Resource]:
 def worlds_named(name: str, service: Service) -> list[Resource]:
     """Lists the worlds of a name, newest first; of equal worlds only the newest."""
     contents: dict[str, Resource] = {}
-    for world in chain(_with_label(name, WORLD, service), _early_worlds(name, service)):
+    # A template's name may have its accents apart, and so the names of its worlds; given names have them composed.
+    labelled = (_with_label(each, WORLD, service) for each in dict.fromkeys((name, composed(name))))
+    for world in chain(*labelled, _early_worlds(name, service)):
         bundle = WorldDocument.of(world).bundle
         contents.setdefault(bundle.last_part if bundle else world.id, world)
         if len(contents) == _MOST:

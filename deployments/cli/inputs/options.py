@@ -195,7 +195,9 @@ def find_run(runs: Path, run: str) -> Path:
         if newest:
             return unfinished[newest]
         raise
-    return unfinished[newest] if newest and _began(newest) > _began(ended.name) else ended
+    # A specification's name also begins the names of others: what goes on under the name itself is meant before those.
+    is_others = run != "latest" and specification_of(ended.name) != run
+    return unfinished[newest] if newest and (is_others or _began(newest) > _began(ended.name)) else ended
 
 
 def _began(run_id: str) -> str:

@@ -78,6 +78,8 @@ def requirement_in_words(change: RequirementChange) -> str:
 
 
 def _input_in_words(change: ChangedInput) -> str:
+    if change.what == "version":
+        return change.name
     return f"application {change.name}" if change.what == "application" else f"its {change.what}"
 
 

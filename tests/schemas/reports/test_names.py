@@ -131,3 +131,12 @@ def test_messages_name_the_candidates_and_what_is_near() -> None:
     assert text.endswith("sim-4; and 2 more; name one by its id")
     assert near_names("scout in flat 4", ["scout in flat 3", "other"]) == "; did you mean 'scout in flat 3'?"
     assert near_names("zzz", ["scout"]) == ""
+
+
+def test_given_names_that_look_the_same_are_the_same() -> None:
+    """Else an import would not notice that its name is taken, and specifications would go on with the older world."""
+    assert given_world_name("cafe\u0301") == given_world_name("caf\u00e9") == "caf\u00e9"
+    for unseen in ("flat\u200b", "fl\u00adat", "\u202etalf"):
+        with pytest.raises(ValueError, match=r"remove U\+"):
+            given_world_name(unseen)
+    assert given_world_name("👩\u200d🚀") == "👩\u200d🚀", "joined signs show"

@@ -5,6 +5,7 @@ from helpers.night_records import make_job, make_night
 
 from prefect_robomaker.tasks.comparison.better_or_worse import compare
 from prefect_robomaker.tasks.comparison.compared_runs import NightRun
+from prefect_robomaker.tasks.comparison.history import since_last_run
 from prefect_robomaker.tasks.reporting.nights.changes import requirement_in_words
 
 
@@ -24,3 +25,14 @@ def test_a_newly_missed_requirement_names_what_is_not_the_same(changed: dict[str
     words = requirement_in_words(change)
     assert words == f"gentle: newly missed in 1 of 1 trial; world and seed are {end}"
     assert {each.what for each in comparison.changed} == {{"robot": "application"}.get(kind, kind) for kind in changed}
+
+
+def test_another_version_of_a_package_is_named_before_chance() -> None:
+    """The physics may be others then, which reruns with the new version alone cannot tell."""
+    before, after = make_night([make_job(0, "P")]), make_night([make_job(0, "F", night=1)], 1)
+    after = after.model_copy(update={"versions": {**after.versions, "mujoco": "3.18.0"}})
+    before = before.model_copy(update={"versions": {**before.versions, "mujoco": "3.17.0"}})
+    [compared] = compare(NightRun.of(before), NightRun.of(after)).requirements
+    [told] = since_last_run([NightRun.of(before), NightRun.of(after)]).requirements
+    for change in (compared, told):
+        assert requirement_in_words(change).endswith("world and seed are the same, mujoco is not")

@@ -403,3 +403,27 @@ def test_templates_are_compiled_once_and_again_where_nothing_may_be_written(
     monkeypatch.setattr(sys, "pycache_prefix", str(tmp_path / "file"))  # no folder can be made there
     assert [page("b {{ value }}"), page("b {{ value }}")] == ["b &lt;"] * 2
     assert compiled == ["some.j2"] * 5
+
+
+def test_compiled_templates_that_are_damaged_or_of_other_options_are_not_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    monkeypatch.setattr(sys, "pycache_prefix", str(tmp_path / "kept"))
+    (tmp_path / "some.j2").write_text("a {{ value }}")
+
+    def page(*, autoescape: bool = True) -> str:
+        environment = page_environment(tmp_path)
+        environment.autoescape = autoescape
+        return environment.get_template("some.j2").render(value="<")
+
+    assert page() == "a &lt;"
+    (kept,) = (tmp_path / "kept").rglob("*.cache")
+    whole = kept.read_bytes()
+    for place in range(0, len(whole), 7):  # every byte is as good as another
+        kept.write_bytes(whole[:place] + bytes([whole[place] ^ 0xFF]) + whole[place + 1 :])
+        assert page() == "a &lt;", place
+        assert kept.read_bytes() == whole, "it is written again"
+
+    assert page(autoescape=False) == "a <"
+    assert page() == "a &lt;"

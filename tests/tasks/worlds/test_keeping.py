@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from prefect_robomaker.schemas.reports.names import given_world_name
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.references import find_world, name_of_world
@@ -41,3 +42,10 @@ def test_a_name_is_of_one_world_whose_newest_import_has_it(service: Service) -> 
     call("BatchDeleteWorlds", {"worlds": [first.arn, again.arn]}, service)
     other = keep_bundle(writing("b"), "import", {}, service, name="kitchen")
     assert find_world("kitchen", service).arn == other.arn
+
+
+def test_a_name_is_found_however_its_accents_are_typed(service: Service) -> None:
+    named = keep_bundle(writing("a"), "import", {}, service, name=given_world_name("cafe\u0301"))
+    assert {find_world(name, service).arn for name in ("cafe\u0301", "caf\u00e9")} == {named.arn}
+    with pytest.raises(ConfigurationError, match="is taken"):
+        keep_bundle(writing("b"), "import", {}, service, name=given_world_name("cafe\u0301"))

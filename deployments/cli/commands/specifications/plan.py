@@ -7,8 +7,8 @@ With `--probe` it runs a few worlds, a job of each step and a few of its trials,
 wall time, CPU hours, bytes and, given a price, cost. The next run of SPEC says how far off that was.
 
 With `--detect` or `--margin` it says how many trials two runs of SPEC need so that `robomaker compare` shows a
-difference of so many points, or that nothing got worse by so many, with a chance of 80 %. With `--detect POINTS
---against` the second run is one that stops when it is decided: how many trials it has to have, and when it stops.
+difference of so many points, or that nothing got worse by so many, with a chance of 80 %. With `--against` besides, the
+second run is one that stops when it is decided: how many trials it has to have, and when it stops.
 """
 
 import argparse

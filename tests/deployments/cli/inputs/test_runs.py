@@ -76,3 +76,9 @@ def test_the_name_of_a_specification_is_its_newest_run_but_no_probe(tmp_path: Pa
     begun(tmp_path, "night-b-20260306T020000000")
     assert find_run(tmp_path, "night") == goes_on
     assert find_run(tmp_path, "night-20260302") == newest.parent
+
+
+def test_a_first_run_that_goes_on_is_not_taken_for_a_run_of_a_specification_with_a_longer_name(tmp_path: Path) -> None:
+    goes_on = begun(tmp_path, "night-20260301T020000000")
+    record(tmp_path, "night-b-20260302T020000000", "{}")
+    assert find_run(tmp_path, "night") == goes_on

@@ -138,6 +138,29 @@ def test_videos_are_in_the_file_or_in_a_folder_beside_it(
     assert "file:///" not in text
 
 
+def test_a_folder_of_videos_that_cannot_be_written_is_told_and_not_taken_for_videos_that_are_gone(
+    robomaker: Any, filmed: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(compared_pages, "_MOST_EMBEDDED_BYTES", 0)
+    page, taken, theirs = tmp_path / "runs.html", tmp_path / "runs-videos", tmp_path / "theirs"
+    taken.touch()
+    told = robomaker("compare", *filmed, "--report", page)
+    assert told.code == 2
+    assert f"{taken} cannot be written" in told.err
+    assert not page.exists()
+
+    taken.unlink()
+    robomaker("compare", *filmed, "--report", page)
+    copied = sorted(taken.iterdir())
+    theirs.write_text("mine")
+    copied[0].unlink()
+    copied[0].symlink_to(theirs)
+    robomaker("compare", *filmed, "--report", page)
+    assert sorted(taken.iterdir()) == copied
+    assert copied[0].read_bytes()[4:8] == b"ftyp"
+    assert theirs.read_text() == "mine", "a link is replaced, and nothing is written through it"
+
+
 @pytest.mark.deep
 @NEEDS_BROWSER
 @pytest.mark.parametrize("most_bytes", [0, 3_000_000], ids=["beside", "inside"])
