@@ -16,7 +16,7 @@ _PRINTED = "-"
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `robomaker report` to its parser."""
     text = "id of a run, its specification's name for the newest, or latest (the default)"
-    parser.add_argument("run", metavar="RUN", nargs="?", default="latest", help=text)
+    parser.add_argument("run", metavar="RUN", nargs="?", help=text)
     parser.add_argument("--junit", metavar="FILE", help="write it as JUnit XML too, for CI systems")
     parser.add_argument(
         "--markdown",
@@ -42,9 +42,14 @@ def execute(arguments: argparse.Namespace) -> int:
     is_printed = arguments.markdown == _PRINTED
     if is_printed and arguments.output == "json":
         raise ConfigurationError("--markdown without a file and -o json both print; name a file, or leave one out")
+    if arguments.run is None and _looks_like_run(arguments.markdown or ""):
+        raise ConfigurationError(
+            f"--markdown is {arguments.markdown}; name the run before it, robomaker report {arguments.markdown} "
+            f"--markdown, or a file with an extension, such as {arguments.markdown}.md"
+        )
     markdown = None if is_printed else output_file(arguments.markdown, "--markdown")
     settings = Settings.from_environment(os.environ)
-    record = read_record(settings.home / "runs", arguments.run)
+    record = read_record(settings.home / "runs", arguments.run or "latest")
 
     from .....tasks.inspection.reports import rebuild_report
     from .....tasks.service.service import Service
@@ -68,3 +73,8 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.open and summary.report_path:
         open_file(summary.report_path)
     return 0
+
+
+def _looks_like_run(file: str) -> bool:
+    """Returns whether a file is named like a run, as in `--markdown nightly`, which argparse takes for the file."""
+    return file != _PRINTED and bool(file) and not set(file) & {"/", "."}

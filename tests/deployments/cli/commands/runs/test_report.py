@@ -61,6 +61,9 @@ def test_markdown_has_the_run_in_its_first_lines(robomaker: Any, record: Path, t
     assert heading.endswith(": broken")
     for printed in (("--markdown",), ("--markdown", "-")):
         assert robomaker("report", "night-1", *printed).out == markdown.read_text()
+    behind = robomaker("report", "--markdown", "night-1")
+    assert (behind.code, behind.out) == (2, "")
+    assert "--markdown is night-1; name the run before it, robomaker report night-1 --markdown" in behind.err
     both = robomaker("report", "night-1", "-o", "json", "--markdown")
     assert (both.code, both.out) == (2, "")
     assert "--markdown without a file and -o json both print" in both.err
