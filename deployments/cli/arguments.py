@@ -17,8 +17,10 @@ def add_open(parser: argparse.ArgumentParser, text: str) -> None:
 
 
 def add_report(parser: argparse.ArgumentParser) -> None:
-    """Adds the option `--report` (a file for a copy of the HTML report) to a command's parser."""
+    """Adds the options of commands that write an HTML report: `--report` for a copy of it, `--output`, `--open`."""
     parser.add_argument("--report", metavar="PATH", help="put a copy of the report there")
+    add_output(parser, "text", "json")
+    add_open(parser, "show the report in a browser (by default only on a desktop's terminal)")
 
 
 def add_backend(parser: argparse.ArgumentParser) -> None:

@@ -1,6 +1,6 @@
 """Typed rows of a run's table of results."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +9,7 @@ from pydantic import TypeAdapter
 from ...schemas.reports.run_record import CaseOutcome
 from ...schemas.runs.axis_kinds.kind import Value
 from ...schemas.runs.plan import Requirement, Verdict
+from ...tasks.results.columns import named
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -64,7 +65,7 @@ def rows_of(table: "pa.Table") -> list[ResultRow]:
 
 
 def _row_of(found: Mapping[str, Any]) -> ResultRow:
-    metrics = dict(_named(found, "metric."))
+    metrics = named(found, "metric.")
     return ResultRow(
         step=found["step"] or "",
         test=found["test"] or "",
@@ -82,15 +83,7 @@ def _row_of(found: Mapping[str, Any]) -> ResultRow:
         sim_time_s=metrics.get("sim_time_s") if found["trial"] is None else found["sim_time_s"],
         wall_time_s=found["wall_time_s"] or 0.0,
         output=found["output"],
-        axes=dict(_named(found, "axis.")),
+        axes=named(found, "axis."),
         metrics=metrics,
         requirements=_REQUIREMENTS.validate_json(found["requirements"] or "[]"),
-    )
-
-
-def _named(found: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
-    return (
-        (name.removeprefix(prefix), value)
-        for name, value in found.items()
-        if name.startswith(prefix) and value is not None
     )

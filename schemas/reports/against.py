@@ -5,6 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from ..wire.base import Model, optional
+from ..wire.common import counted
 
 Answer = Literal["better", "not worse", "worse", "no difference shown", "not comparable"]
 
@@ -67,10 +68,10 @@ def in_words(found: AgainstAnswer) -> str:
 
 
 def _not_run(found: AgainstAnswer) -> list[str]:
-    told = [f"{_counted(found.saved, 'trial')} saved"] if found.saved else []
+    told = [f"{counted(found.saved, 'trial')} saved"] if found.saved else []
     if found.unpaired:
         told.append(
-            f"{_counted(found.unpaired, 'job')} without a pair {'was' if found.unpaired == 1 else 'were'} not run"
+            f"{counted(found.unpaired, 'job')} without a pair {'was' if found.unpaired == 1 else 'were'} not run"
         )
     if found.skipped:
         is_decided = found.answer in ("better", "not worse", "worse")
@@ -78,7 +79,3 @@ def _not_run(found: AgainstAnswer) -> list[str]:
         more = f" and {len(found.skipped) - MOST_NAMED} more" if len(found.skipped) > MOST_NAMED else ""
         told.append(f"not run since {since}: {', '.join(found.skipped[:MOST_NAMED])}{more}")
     return told
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"

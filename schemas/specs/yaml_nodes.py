@@ -114,6 +114,13 @@ def child(node: Node, step: str | int) -> Node | None:
     return None
 
 
+def node_at(node: Node | None, location: Location) -> Node | None:
+    """Returns the value at a location below a node; `None` if there is none."""
+    for step in location:
+        node = child(node, step) if node is not None else None
+    return node
+
+
 def value_place(node: Node, location: Location) -> Place:
     """Returns the line and column of the value at a location; if the value is missing, those of its parent's key."""
     place = node.place

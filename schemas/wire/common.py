@@ -85,6 +85,11 @@ def without_escapes(text: str) -> str:
     return _ESCAPE_SEQUENCE.sub("", text)
 
 
+def counted(count: int, noun: str) -> str:
+    """Returns a number with its noun, as `1 trial` or `2 trials`."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
 def shorten(reason: str, limit: int = 1024) -> str:
     """Shortens a failure reason to the length limit of the service: keeps the beginning and, if long, the end.
 

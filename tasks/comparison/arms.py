@@ -22,6 +22,7 @@ from ...schemas.reports.run_record import JobRecord
 from ...schemas.runs.axes import value_text
 from ...schemas.runs.axis_kinds.kind import BINS, Value
 from ...schemas.specs.batch_splitting import step_of
+from ...schemas.wire.common import counted
 from ..results.rates import share_of
 from .compared_runs import NightRun
 from .difference_test import JudgedTrials, rate_change
@@ -326,30 +327,24 @@ def _told(axis: _Axis, arm: _Arm, p_value: float | None, answer: Answer) -> ArmC
 def _why(arm: _Arm, p_value: float | None, answer: Answer) -> str:
     """Returns the reason of an answer about two values of an axis, with what it leaves out."""
     if arm.rate is None:
-        words = f"none of {_counted(len(arm.trials), 'pair')} was judged on both sides by the same requirements"
+        words = f"none of {counted(len(arm.trials), 'pair')} was judged on both sides by the same requirements"
     elif answer == "not comparable":
-        words = f"the answer depends on {_counted(int((~arm.fair.judged).sum()), 'pair')} of which a side broke"
+        words = f"the answer depends on {counted(int((~arm.fair.judged).sum()), 'pair')} of which a side broke"
     else:
-        words = f"{_counted(arm.rate.pairs, 'pair')} judged, p = {p_value:.2g} ({arm.rate.test} test, Holm's method)"
+        words = f"{counted(arm.rate.pairs, 'pair')} judged, p = {p_value:.2g} ({arm.rate.test} test, Holm's method)"
         if arm.rate.pairs > arm.rate.worlds and arm.rate.test == "exact McNemar" and answer != "no difference shown":
             words += ", in these worlds; others were not tried"
     if arm.of_two_worlds:
-        words += (
-            f"; the sides of {_counted(arm.of_two_worlds, 'pair')} drove in different worlds, as the axis varies it"
-        )
+        words += f"; the sides of {counted(arm.of_two_worlds, 'pair')} drove in different worlds, as the axis varies it"
     if arm.same_states:
         words += "; both sides of each pair went through the same states: the axis changes nothing"
     if arm.repeated:
-        words += f"; {_counted(arm.repeated, 'pair')} with the same states as another one count with that one"
+        words += f"; {counted(arm.repeated, 'pair')} with the same states as another one count with that one"
     if arm.unfair:
-        words += f"; {_counted(arm.unfair, 'pair')} judged by different requirements do not count"
+        words += f"; {counted(arm.unfair, 'pair')} judged by different requirements do not count"
     if arm.unpaired:
-        words += f"; {_counted(arm.unpaired, 'trial')} without a partner"
+        words += f"; {counted(arm.unpaired, 'trial')} without a partner"
     return words
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def holm_adjusted(p_values: Sequence[float]) -> list[float]:

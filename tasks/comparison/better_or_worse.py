@@ -17,6 +17,7 @@ from ...schemas.reports.comparison import (
     RateChange,
 )
 from ...schemas.reports.run_exit_codes import ANSWER_EXIT_CODES
+from ...schemas.wire.common import counted
 from ..reporting import Outcome
 from ..results.rates import margin_units
 from .compared_runs import NightRun, outcome_of
@@ -157,12 +158,12 @@ def _answer(
         if any(pair.has_same_requirements for pair in pairing.pairs):
             return "not comparable", "no trial of one run has the seed and the axes of one of the other run"
         return "not comparable", (
-            f"{_counted(len(pairing.pairs), 'pair')} of jobs, all judged by different requirements: a verdict says "
+            f"{counted(len(pairing.pairs), 'pair')} of jobs, all judged by different requirements: a verdict says "
             "whether they were met, so that one of other requirements says something else"
         )
     if rate is None:
         return "not comparable", (
-            f"none of the {_counted(len(fair), 'pair')} was judged in both runs: {_without_verdicts(before, after)}"
+            f"none of the {counted(len(fair), 'pair')} was judged in both runs: {_without_verdicts(before, after)}"
         )
     answer = _tested(rate, alpha)
     told = _judged(fair.only(fair.told), alpha)
@@ -170,7 +171,7 @@ def _answer(
     margin = rate.margin.margin if rate.margin else None
     if broken and (strict := _tested(rate_change(told, alpha, margin), alpha)) != answer:
         return "not comparable", (
-            f"the answer depends on the {_counted(broken, 'pair')} of which a side broke: {answer} when they are left "
+            f"the answer depends on the {counted(broken, 'pair')} of which a side broke: {answer} when they are left "
             f"out, {strict} when what broke counts as failed; repair that and run it again"
         )
     scope = _scope(judged, fair) if answer != "no difference shown" else ""
@@ -205,16 +206,16 @@ def _depends_on_lost(judged: JudgedTrials, fair: TrialPairs, alpha: float, margi
     if _tested(rate_change(worst, alpha, margin), alpha) in ("not worse", "better"):
         return ""
     return (
-        f"{_counted(lost, 'trial')} that passed in the first run have no verdict by the same requirements in the "
+        f"{counted(lost, 'trial')} that passed in the first run have no verdict by the same requirements in the "
         "second; if they failed, a fall by the margin would not be excluded: run them too"
     )
 
 
 def _judged_in_words(judged: JudgedTrials, fair: TrialPairs) -> str:
-    words = f"{_counted(len(judged), 'pair')} judged in both runs"
+    words = f"{counted(len(judged), 'pair')} judged in both runs"
     if not fair.has_worlds or not judged.has_repeated_worlds:
         return words
-    worlds = f"{words}, in {_counted(judged.world_count, 'world')}"
+    worlds = f"{words}, in {counted(judged.world_count, 'world')}"
     return f"{worlds} of which {judged.changed_worlds} changed" if judged.flips_worlds else worlds
 
 
@@ -311,7 +312,3 @@ def _without_verdicts(before: NightRun, after: NightRun) -> str:
         counts = [f"{outcomes.count(each)} {each.value}" for each in Outcome if each in outcomes]
         told.append(f"{run.run_id} has {', '.join(counts)}")
     return "; ".join(told)
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"

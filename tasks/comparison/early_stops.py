@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...schemas.reports.against import Against, AgainstAnswer, Answer
+from ...schemas.wire.common import counted
 from .compared_runs import NightRun
 from .pairing import BROKEN, FAILED, PASSED, STOPPED
 from .statistics.e_processes import (
@@ -218,8 +219,8 @@ def told_decision(asked: Against, found: Decision, *, is_over: bool) -> AgainstA
         is_over: Whether all pairs there will be have been looked at, so that what is open stays open.
     """
     answer: Answer = found.answer or "no difference shown"
-    pairs = f"{found.pairs} of {_counted(found.planned, 'pair')}"
-    worlds = f", {_counted(found.worlds, 'world')}" if found.worlds else ""
+    pairs = f"{found.pairs} of {counted(found.planned, 'pair')}"
+    worlds = f", {counted(found.worlds, 'world')}" if found.worlds else ""
     if found.answer is not None:
         why = f"decided after {pairs}{worlds}"
     elif not found.planned:
@@ -281,14 +282,10 @@ def _by_evidence(after: NightRun, found: AgainstAnswer, alpha: float, margin: fl
     answer: Answer = "no difference shown"
     if enough:
         answer = max(enough, key=lambda name: found.e_values[name])
-    pairs = f"{found.pairs} of {_counted(found.planned, 'pair')}"
+    pairs = f"{found.pairs} of {counted(found.planned, 'pair')}"
     return answer, f"after {pairs}, at alpha {alpha:g}{_evidence(found)}"
 
 
 def _evidence(found: AgainstAnswer) -> str:
     told = ", ".join(f"{name} {value:.3g}" for name, value in found.e_values.items())
     return f" (e-values: {told}; {2 / found.alpha:.3g} decide at alpha {found.alpha:g})" if told else ""
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"

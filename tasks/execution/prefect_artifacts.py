@@ -48,11 +48,6 @@ def artifact_key(*words: str) -> str:
     return re.sub("[^a-z0-9]+", "-", "-".join(words).lower()).strip("-")
 
 
-def show_jobs(key: str, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Shows simulation jobs as a table artifact in Prefect; does nothing outside a flow run."""
-    show_table(key, rows, "Simulation jobs")
-
-
 def show_table(key: str, rows: Sequence[Mapping[str, Any]], description: str) -> None:
     """Shows rows as a table artifact of the current task or flow run in Prefect.
 
@@ -61,11 +56,6 @@ def show_table(key: str, rows: Sequence[Mapping[str, Any]], description: str) ->
     if rows and FlowRunContext.get():
         with _logged(description):
             create_table_artifact(key=key, table=[dict(row) for row in rows], description=description)
-
-
-def show_summary(key: str, markdown: str) -> None:
-    """Shows a run's result as a Markdown artifact in Prefect; does nothing outside a flow run."""
-    show_text(key, markdown, "How the run ended")
 
 
 def show_text(key: str, markdown: str, description: str) -> None:

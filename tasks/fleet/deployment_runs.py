@@ -65,7 +65,7 @@ def report_end(job: Resource, service: Service) -> None:
 
 
 def _show_end(job: Resource, report: DeploymentReport, path: str) -> None:
-    from ..execution.prefect_artifacts import artifact_key, show_summary, show_table
+    from ..execution.prefect_artifacts import artifact_key, show_table, show_text
 
     lines = [f"# {report.application} {report.version} to {report.fleet}: {report.status}", ""]
     lines += [f"{report.failure_code}: {report.failure_reason or ''}".rstrip(": "), ""] if report.failure_code else []
@@ -77,7 +77,7 @@ def _show_end(job: Resource, report: DeploymentReport, path: str) -> None:
         lines += [f"- **{ResourceArn.parse(robot).name}** {rollout.robots[robot].failure_code}" for robot in bad[:20]]
         show_table(artifact_key(job.id, "robots"), robot_rows(rollout, [*bad, *_others(rollout, bad)]), "Robots")
     lines += ["", f"Report: [{path}](file://{path})"]
-    show_summary(artifact_key(job.id, "summary"), "\n".join(lines))
+    show_text(artifact_key(job.id, "summary"), "\n".join(lines), "How the run ended")
 
 
 def _others(rollout: Rollout, bad: Sequence[str]) -> list[str]:

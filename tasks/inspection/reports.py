@@ -563,7 +563,7 @@ def _in_a_line(job: JobRecord, pages: ConsolePages) -> str:
 
 def _show(report: Report, jobs: Sequence[JobRecord], path: Path, pages: ConsolePages) -> None:
     # Imported late: the console, which only reads, does not need Prefect.
-    from ..execution.prefect_artifacts import artifact_key, show_jobs, show_picture, show_summary
+    from ..execution.prefect_artifacts import artifact_key, show_picture, show_table, show_text
 
     rows: list[dict[str, Any]] = [
         {
@@ -576,7 +576,7 @@ def _show(report: Report, jobs: Sequence[JobRecord], path: Path, pages: ConsoleP
         | {name: round(value, 2) for name, value in job.metrics.items()}
         for job in jobs
     ]
-    show_jobs(artifact_key("robomaker", report.run_id, "jobs"), rows)
+    show_table(artifact_key("robomaker", report.run_id, "jobs"), rows, "Simulation jobs")
     outcomes = [classify(job.status, job.failure_code, job.verdict) for job in jobs]
     passed = f"{outcomes.count(Outcome.PASSED)} of {len(jobs)} jobs pass."
     lines = [f"# {report.name}: {report.state}", "", passed, "", f"Report: `{path}`"]
@@ -590,7 +590,7 @@ def _show(report: Report, jobs: Sequence[JobRecord], path: Path, pages: ConsoleP
     ]
     if report.since_last and (lost := losses_in_words(report.since_last, _MOST_LOST)):
         lines += ["", *(f"- {line}" for line in lost)]
-    show_summary(artifact_key("robomaker", report.run_id, "summary"), "\n".join(lines))
+    show_text(artifact_key("robomaker", report.run_id, "summary"), "\n".join(lines), "How the run ended")
     for world in report.worlds[:1]:
         show_picture(artifact_key("robomaker", report.run_id, "world"), world.preview_png, world.title)
     tell_of_report(report.run_id, report.state, path, Counter(job.verdict or job.status for job in jobs))

@@ -141,7 +141,8 @@ class EarlierRuns:
         Args:
             why: Reason why the run was not finished, for readers of its outputs.
         """
-        job, document = self._lease.job, self._document
+        job = self._lease.job
+        document = SimulationJobDocument.of(job)
         run_id = document.run_id
         if run_id is None or run_id in kept_runs(document) or job.status not in _RUNS:
             return
@@ -163,7 +164,7 @@ class EarlierRuns:
         Returns:
             Whether it is lost: its outputs are neither on this machine nor stored. False if the store does not answer.
         """
-        document = self._document
+        document = SimulationJobDocument.of(self._lease.job)
         run_id, outcome = document.run_id, document.outcome
         if run_id is None or outcome is None or not document.finished or outcome.status != "Completed":
             return False
@@ -183,11 +184,6 @@ class EarlierRuns:
 
     def _is_stopped(self) -> bool:
         return self._why_stop() is not None
-
-    @property
-    def _document(self) -> SimulationJobDocument:
-        """Returns the job's current document."""
-        return SimulationJobDocument.of(self._lease.job)
 
     def _keep(self, run_id: str, outcome: Outcome, *, restarted: bool, finished: bool) -> None:
         """Uploads the outputs of a run that is not the job's last one, and records in the job where they are.
@@ -227,7 +223,7 @@ class EarlierRuns:
             place: Folder of its outputs in the object store; absent: none are stored.
             not_stored: Reason why its outputs are not stored; absent: they are, or it had none.
         """
-        document = self._document
+        document = SimulationJobDocument.of(self._lease.job)
         run = EarlierRun(
             run_id=run_id,
             started_at=document.last_started_at,

@@ -1,7 +1,7 @@
 """Columns that the tables of a job's trials and of a run's results share."""
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from pydantic import TypeAdapter
@@ -135,20 +135,21 @@ def _met(requirement: Requirement) -> bool | None:
     return requirement.satisfied if requirement.counts and requirement.error is None else None
 
 
+def named(found: Mapping[str, Any], prefix: str) -> dict[str, Any]:
+    """Returns the values of a table row whose columns begin with a prefix, by the rest of the columns' names."""
+    return {
+        name.removeprefix(prefix): value
+        for name, value in found.items()
+        if name.startswith(prefix) and value is not None
+    }
+
+
 def row_of(found: dict[str, Any]) -> TrialRow:
     """Converts the values of a table row back to a trial; the opposite of `columns_of`."""
-
-    def named(prefix: str) -> Iterator[tuple[str, Any]]:
-        return (
-            (name.removeprefix(prefix), value)
-            for name, value in found.items()
-            if name.startswith(prefix) and value is not None
-        )
-
     return TrialRow(
         trial=found["trial"],
         seed=found["seed"],
-        axes=dict(named("axis.")),
+        axes=named(found, "axis."),
         verdict=found["verdict"],
         reason=found["reason"],
         failure_code=found["failure_code"],
@@ -157,7 +158,7 @@ def row_of(found: dict[str, Any]) -> TrialRow:
         wall_time_s=found["wall_time_s"],
         steps=found["steps"],
         requirements=_REQUIREMENTS.validate_python(json.loads(found["requirements"])),
-        metrics=dict(named("metric.")),
+        metrics=named(found, "metric."),
         state_digest=found["state_digest"],
         model_sha256=found["model_sha256"],
         looks=found["digest_looks"],

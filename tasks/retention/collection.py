@@ -11,7 +11,7 @@ from ...schemas.documents.worlds import WorldDocument
 from ...schemas.reports.retention import GcAction, GcItem, GcReport, RetentionPolicy
 from ...schemas.runs.plan import RunResult
 from ...schemas.wings import parts_of_wings
-from ...schemas.wire.errors import ConfigurationError, RobomakerError, ServiceUnavailableException, StorageError
+from ...schemas.wire.errors import ConfigurationError, StorageError
 from ..catalog import Resource
 from ..runtime.episode.run_results import RESULT_FILE
 from ..service.service import Service
@@ -35,6 +35,7 @@ from .removal import (
     job_places,
     measure,
     measure_world,
+    problem_of,
     remove_unit,
     remove_world,
     spared_jobs,
@@ -224,16 +225,9 @@ def _done(measured: Callable[[], Amount], remove: Callable[[], None] | None) -> 
 
     Raises `ServiceUnavailableException` if the catalog does not answer; other errors become the text.
     """
-    amount = Amount()
-    try:
-        amount = measured()
-        if remove is not None:
-            remove()
-    except ServiceUnavailableException:
-        raise  # without the catalog nothing goes on
-    except (RobomakerError, OSError) as error:
-        return amount, str(error)
-    return amount, None
+    amounts: list[Amount] = []
+    problem = problem_of(lambda: amounts.append(measured()), *([remove] if remove else []))
+    return sum(amounts, Amount()), problem
 
 
 @contextmanager

@@ -5,11 +5,10 @@ from datetime import timedelta
 
 from ...schemas.documents.simulation_jobs import ARCHIVE
 from ...schemas.reports.retention import GcItem
-from ...schemas.wire.errors import RobomakerError, ServiceUnavailableException
 from ..service.service import Service
 from ..simulations.inputs.kept_archives import FOLDER, kept_archives
-from ..storage import ObjectInfo
 from .inventory import texts_of_jobs
+from .removal import problem_of_removal
 
 _LEAST = timedelta(days=1)
 """Least age of deleted archives: a job that is being prepared has kept its archive, and does not name it yet."""
@@ -45,19 +44,4 @@ def collect_archives(older_than: timedelta | None, besides: Set[str], service: S
         objects=len(unused),
         size_bytes=sum(each.size_bytes for each in unused),
     )
-    return [item.model_copy(update={"problem": _removed(unused, service)}) if act else item]
-
-
-def _removed(archives: list[ObjectInfo], service: Service) -> str | None:
-    """Deletes archives from the object store; returns the error as text if one cannot be deleted, else `None`.
-
-    The archives after that one stay. Raises `ServiceUnavailableException` if the catalog does not answer.
-    """
-    try:
-        for each in archives:
-            service.store.delete(each.bucket, each.key)
-    except ServiceUnavailableException:
-        raise  # without the catalog nothing goes on
-    except (RobomakerError, OSError) as error:
-        return str(error)
-    return None
+    return [item.model_copy(update={"problem": problem_of_removal(unused, service)}) if act else item]

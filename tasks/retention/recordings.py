@@ -1,17 +1,18 @@
 """Deletes recordings that `robomaker judge` stored and that no job and no unfinished run refers to any more."""
 
 import re
-from collections.abc import Callable, Iterator, Set
+from collections.abc import Iterator, Set
 from datetime import timedelta
 from itertools import groupby
 
 from ...schemas.reports.retention import GcItem
-from ...schemas.wire.errors import BucketNotFoundError, RobomakerError, ServiceUnavailableException
+from ...schemas.wire.errors import BucketNotFoundError
 from ..inspection.judged_recordings import FOLDER, STORED_AGAIN
 from ..inspection.run_records import ORDER_NAME
 from ..service.service import Service
 from ..storage.object_store import ObjectInfo
 from .inventory import texts_of_jobs
+from .removal import problem_of_removal
 
 _LEAST = 2 * STORED_AGAIN
 """Least age of deleted recordings: a run that is about to refer to one has stored or found it recently."""
@@ -89,19 +90,4 @@ def _collected(folder: str, objects: list[ObjectInfo], service: Service, *, act:
         objects=len(objects),
         size_bytes=sum(each.size_bytes for each in objects),
     )
-    return item.model_copy(update={"problem": _removed(objects, service.store.delete)}) if act else item
-
-
-def _removed(objects: list[ObjectInfo], delete: Callable[[str, str], None]) -> str | None:
-    """Deletes objects with the given function; returns the error as text if one cannot be deleted, else `None`.
-
-    The objects after that one stay. Raises `ServiceUnavailableException` if the catalog does not answer.
-    """
-    try:
-        for each in objects:
-            delete(each.bucket, each.key)
-    except ServiceUnavailableException:
-        raise  # without the catalog nothing goes on
-    except (RobomakerError, OSError) as error:
-        return str(error)
-    return None
+    return item.model_copy(update={"problem": problem_of_removal(objects, service)}) if act else item

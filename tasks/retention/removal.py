@@ -1,9 +1,10 @@
 """Deletes a run, its jobs and their outputs, in an order in which nothing partly deleted looks complete."""
 
 import uuid
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
@@ -13,6 +14,7 @@ from ...schemas.wire.errors import (
     ObjectNotFoundError,
     ResourceNotFoundException,
     RobomakerError,
+    ServiceUnavailableException,
     StorageError,
 )
 from ..catalog import Resource
@@ -28,7 +30,7 @@ from ..simulations.containers.cleanup import remove_containers_of_job, remove_ru
 from ..simulations.environment.folders import remove
 from ..simulations.outputs.output_places import output_place
 from ..storage import thin, unpublish
-from ..storage.object_store import join_key
+from ..storage.object_store import ObjectInfo, join_key
 from ..worlds.archive_places import archive_place
 from ..worlds.stored_bundles import BUNDLE_LABEL, bundle_label, delete_world
 from .inventory import BATCH, EXPORT, JOB, RECORD, REMOVING, Unit
@@ -244,6 +246,26 @@ def _name(key: str, place: StoredPlace) -> str:
 
 def _copy(bundle: StoredPlace, service: Service) -> Path:
     return service.settings.home / "cache" / "worlds" / bundle.last_part
+
+
+def problem_of_removal(objects: Iterable[ObjectInfo], service: Service) -> str | None:
+    """Deletes stored objects, up to the first that cannot be deleted; see `problem_of`."""
+    return problem_of(*(partial(service.store.delete, each.bucket, each.key) for each in objects))
+
+
+def problem_of(*steps: Callable[[], None]) -> str | None:
+    """Calls functions that measure or delete; returns the error as text if one fails, else `None`.
+
+    The functions after that one are not called. Raises `ServiceUnavailableException` if the catalog does not answer.
+    """
+    try:
+        for step in steps:
+            step()
+    except ServiceUnavailableException:
+        raise  # without the catalog nothing goes on
+    except (RobomakerError, OSError) as error:
+        return str(error)
+    return None
 
 
 def on_disk(folder: Path) -> Amount:

@@ -8,6 +8,7 @@ from ....schemas.reports.comparison import Comparison, MetricChange, NeededPairs
 from ....schemas.reports.history import History, MissedNight, Night
 from ....schemas.reports.report import ArmComparison
 from ....schemas.reports.run_record import RunRecord, interrupted_briefly
+from ....schemas.wire.common import counted
 from ....tasks.comparison.compared_runs import NightRun
 from ....tasks.inspection.run_records import is_night, since_last
 from ....tasks.reporting import outcomes
@@ -70,13 +71,13 @@ def arm_lines(run_id: str, axis: str, arm: ArmComparison) -> list[str]:
             f"  pass rate     {rate.before:.1%} → {rate.after:.1%}, {_points(rate.difference)} points "
             f"(95% interval {_points(rate.low)} to {_points(rate.high)})"
         )
-    return [*lines, f"  pairs         {_counted(arm.pairs, 'trial')} of both values"]
+    return [*lines, f"  pairs         {counted(arm.pairs, 'trial')} of both values"]
 
 
 def history_lines(history: History, page: Path) -> list[str]:
     """Formats a specification's history as text lines: changes, latest runs, flaky jobs."""
     since = history.since_last
-    lines = [f"{history.name}: {_counted(len(history.nights), 'run')}", ""]
+    lines = [f"{history.name}: {counted(len(history.nights), 'run')}", ""]
     if since.previous_run_id is None:
         lines.append("  This is the first run that has results: there is nothing to compare it with.")
     elif not since.paired and since.unpaired:
@@ -131,9 +132,9 @@ def _changed_requirements(since: SinceLastRun) -> list[str]:
 
 
 def _pairs(comparison: Comparison) -> str:
-    told = [_counted(comparison.pairs, "job") + " of both runs"]
+    told = [counted(comparison.pairs, "job") + " of both runs"]
     has_trials = comparison.trials != comparison.pairs
-    told += [f"{_counted(comparison.trials, 'trial')} of both"] if has_trials else []
+    told += [f"{counted(comparison.trials, 'trial')} of both"] if has_trials else []
     told += [f"{comparison.unjudged} without a verdict in one"] if comparison.unjudged else []
     if comparison.other_requirements:
         told.append(f"{comparison.other_requirements} judged by other requirements, which do not count")
@@ -208,7 +209,7 @@ def _metric(change: MetricChange) -> str:
     if change.low is None or change.high is None:
         return values
     interval = f"{_signed(change.low)} to {_signed(change.high)}"
-    return f"{values}, {_signed(change.difference)} (interval {interval}, {_counted(change.pairs, 'pair')})"
+    return f"{values}, {_signed(change.difference)} (interval {interval}, {counted(change.pairs, 'pair')})"
 
 
 def _nights(nights: Sequence[Night], missed: Sequence[MissedNight]) -> list[str]:
@@ -239,7 +240,3 @@ def _points(share: float) -> str:
 
 def _signed(value: float) -> str:
     return f"{'+' if value > 0 else ''}{outcomes.compact(value)}"
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"

@@ -18,7 +18,7 @@ from ...wire.request_problems import Location, path_text
 from ..references import ReferenceMistake, parse_template
 from ..specification import FOR_EACH, CheckedSpec, CheckedStep, axes_of, for_each_of, variable_of
 from ..step_axes import AXES, VALUE
-from ..yaml_nodes import ListNode, MappingNode, Node, ScalarNode, child, plain, value_place
+from ..yaml_nodes import ListNode, MappingNode, Node, ScalarNode, child, node_at, plain, value_place
 
 _REQUESTS = "createSimulationJobRequests"
 _FARTHEST_M = 1e9
@@ -131,7 +131,7 @@ def _reached_at_start(request: _Request, start: str) -> dict[Location, str]:
 
 def _rooms(request: _Request, steps: Mapping[str, CheckedStep]) -> _Rooms | None:
     """Returns the rooms of the world that a request names; `None` if they cannot be determined from the file."""
-    world = _below(request.node, _WORLD)
+    world = node_at(request.node, _WORLD)
     name = _referred(world) or ""
     if name in request.sources:
         name = _referred(request.sources[name]) or ""
@@ -161,7 +161,7 @@ def _rooms_of_body(body: Node | None) -> _Rooms | None:
 
 def _rooms_as_written(body: Node) -> _Rooms | None:
     """Returns the rooms of a template body with other problems; `None` if not all of them are named."""
-    rooms = _below(body, ("Buildings", 0, "Floors", 0, "Floorplan", "Rooms"))
+    rooms = node_at(body, ("Buildings", 0, "Floors", 0, "Floorplan", "Rooms"))
     names = [child(room, "Name") for room in rooms.items] if isinstance(rooms, ListNode) else []
     if not names or not all(isinstance(name, ScalarNode) and isinstance(name.value, str) for name in names):
         return None
@@ -177,12 +177,6 @@ def _referred(node: Node | None) -> str | None:
     except ReferenceMistake:
         return None
     return names.pop() if len(names) == 1 else None
-
-
-def _below(node: Node | None, location: Location) -> Node | None:
-    for key in location:
-        node = child(node, key) if node is not None else None
-    return node
 
 
 _COUNT = "worldCount"

@@ -41,7 +41,7 @@ from ..specification import (
     variable_of,
 )
 from ..step_axes import VALUE, clashing_axes, clashing_words, is_axes_location
-from ..yaml_nodes import ListNode, MappingNode, Node, ScalarNode, child, key_place, plain, value_place
+from ..yaml_nodes import ListNode, MappingNode, Node, ScalarNode, child, key_place, node_at, plain, value_place
 from .placeholders import KIND, Placeholder, chosen, inner
 from .respelling import Respelling, respelt
 from .rounds import Rounds, within
@@ -258,7 +258,7 @@ class InputCheck:
 
     def _placed(self, problem: RequestProblem) -> Problem:
         written = as_written(self.node, problem.location)
-        found = _at(self.node, written)
+        found = node_at(self.node, written)
         message = problem.message
         if isinstance(found, ScalarNode) and is_folded(found):
             hint = "; to_string(…) makes text of it" if "has to be text" in message else ""
@@ -308,12 +308,6 @@ def _is_about_rooms(problem: RequestProblem, blamed: Location) -> bool:
     if "no such room" not in problem.message:
         return False
     return within(_ROOMS, blamed) or (within(blamed, _ROOMS) and blamed[len(_ROOMS) + 1 :] in ((), ("Name",)))
-
-
-def _at(node: Node | None, location: Location) -> Node | None:
-    for step in location:
-        node = child(node, step) if node is not None else None
-    return node
 
 
 def _described(kind: Kind) -> str:

@@ -104,19 +104,15 @@ def _changes(
     for wave, arns in enumerate(waves_of(plan), 1):
         for arn in arns:
             robot = RobotDocument.of(by_arn[arn])
-            before = _version(robot)
+            before = robot.installed
             notes = [*_absence(robot, now_s), *(["has this version"] if before == after else [])]
             is_canary = arn in plan.canaries
             found.append(PlannedChange(by_arn[arn].name, wave, is_canary, before, after, tuple(notes)))
     for arn, reason in unfit.items():
         robot = RobotDocument.of(by_arn[arn])
         notes = (str(reason), *_absence(robot, now_s))
-        found.append(PlannedChange(by_arn[arn].name, None, False, _version(robot), None, notes))
+        found.append(PlannedChange(by_arn[arn].name, None, False, robot.installed, None, notes))
     return tuple(found)
-
-
-def _version(robot: RobotDocument) -> str | None:
-    return " ".join(filter(None, (robot.installed_name, robot.installed_version))) or None
 
 
 def _absence(robot: RobotDocument, now_s: float) -> list[str]:

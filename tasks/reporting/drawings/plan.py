@@ -1,7 +1,7 @@
 """Floor plans of the report: a world's fixed parts with furniture, and what one job visited."""
 
 import math
-from collections.abc import Container, Sequence
+from collections.abc import Container, Iterable, Sequence
 
 from markupsafe import Markup
 
@@ -122,7 +122,7 @@ def draw_world_plan(world: World, frame: Frame, fixtures: str, title: str) -> Ma
     return _plan(
         frame,
         title,
-        *_ground(world, frame, fixtures),
+        *_ground(_floors(world, frame), fixtures),
         group(
             (draw_label(r.called, f"{r.floor_m2:.1f} m²", r.polygon, frame, crowd, _GALLERY_LETTERS) for r in rooms),
             class_="labels",
@@ -145,22 +145,14 @@ def draw_job_plan(world: World, frame: Frame, fixtures: str, result: RunResult, 
             note = f"visited{at}" if visit.visited else "not visited"
         labels.append(draw_label(room.called, note, room.polygon, frame, crowd))
     lines, marks = trajectory.draw_trajectory(result, frame)
-    return _plan(
-        frame,
-        title,
-        group(floors, class_="floors"),
-        element("use", href=f"#{fixtures}"),
-        lines,
-        group(labels, class_="labels"),
-        marks,
-    )
+    return _plan(frame, title, *_ground(floors, fixtures), lines, group(labels, class_="labels"), marks)
 
 
 def draw_open_plan(world: World, frame: Frame, fixtures: str, title: str, drive: str) -> Markup:
     """Draws the floor plan for a running simulation; the robot's path so far is added to the group `drive`."""
     crowd = _furniture_points(world, frame)
     labels = (draw_label(room.called, "", room.polygon, frame, crowd) for room in world.floorplan.rooms)
-    ground = _ground(world, frame, fixtures)
+    ground = _ground(_floors(world, frame), fixtures)
     return _plan(frame, title, *ground, element("g", id=drive), group(labels, class_="labels"))
 
 
@@ -194,15 +186,7 @@ def draw_shared_plan(
         draw_label(room.called, "goal" if room.name in asked else "", room.polygon, frame, [*furniture, *crowd])
         for room in rooms
     )
-    return _plan(
-        frame,
-        title,
-        group(floors, class_="floors"),
-        element("use", href=f"#{fixtures}"),
-        below,
-        group(labels, class_="labels"),
-        above,
-    )
+    return _plan(frame, title, *_ground(floors, fixtures), below, group(labels, class_="labels"), above)
 
 
 def draw_on_ground(frame: Frame, title: str, *content: Markup) -> Markup:
@@ -245,10 +229,13 @@ def _scale_bar(frame: Frame) -> Markup:
     )
 
 
-def _ground(world: World, frame: Frame, fixtures: str) -> tuple[Markup, Markup]:
+def _ground(floors: Iterable[Markup], fixtures: str) -> tuple[Markup, Markup]:
     """Returns the floors, and the group of furniture, walls and other fixtures on them."""
-    floors = group((_floor(room, "floor", frame) for room in world.floorplan.rooms), class_="floors")
-    return floors, element("use", href=f"#{fixtures}")
+    return group(floors, class_="floors"), element("use", href=f"#{fixtures}")
+
+
+def _floors(world: World, frame: Frame) -> Iterable[Markup]:
+    return (_floor(room, "floor", frame) for room in world.floorplan.rooms)
 
 
 def _floor(room: Room, style: str, frame: Frame) -> Markup:

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import os
 import struct
 import sys
 import zlib
@@ -17,7 +16,7 @@ from pydantic import Field, ValidationError
 
 from ....schemas.runs.provenance import ActionsSummary
 from ....schemas.wire.base import Model
-from ..limits.left_files import open_left
+from ..limits.left_files import open_left, write_all
 from .agent_client import ACTION_HEADER
 from .agent_layout import Layout
 
@@ -285,12 +284,10 @@ class ActionLogWriter:
         self._kept.clear()
 
     def _write(self, place: int, data: bytes) -> int:
-        """Writes all bytes at an offset of the file, repeating partial writes; returns the offset after them."""
-        view = memoryview(data)
-        while view:
-            count = os.pwrite(self._file.fileno(), view, place)
-            view, place = view[count:], place + count
-        return place
+        """Writes bytes at an offset of the file; returns the offset after them."""
+        self._file.seek(place)
+        write_all(self._file, data)
+        return place + len(data)
 
 
 class ActionRecorder:

@@ -69,6 +69,6 @@ def make_environment(context: Any) -> FallingBall:  # noqa: ARG001 - the interfa
     return FallingBall()
 
 
-def make_agent(context: Any, environment: FallingBall) -> Any:  # noqa: ARG001 - the interface of applications
+def make_agent(context: Any, environment: Any) -> Any:  # noqa: ARG001 - the interface of applications
     """Makes an agent that does nothing: its action has no numbers."""
     return lambda _timestep: np.zeros(0)

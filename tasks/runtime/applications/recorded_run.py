@@ -28,6 +28,7 @@ from ..episode.context import SimulationContext
 from ..episode.run_results import MAX_PATH_POINTS, EnvironmentReport
 from ..judging.bags import Bag, Message, RecordingFault, find_recording
 from ..judging.topic_scene import CLOCK, Measurements, TopicScene
+from .falling_ball import make_agent as make_agent  # it does nothing, as the robot has driven already
 
 _STEP_S = 0.01
 """Period of a step in seconds; messages within it belong to one step. Collisions, the most frequent requirement, have
@@ -297,8 +298,3 @@ def make_environment(context: SimulationContext) -> RecordedRun:
     except InvalidParameterException as error:
         raise LaunchError(str(error)) from error
     return RecordedRun(find_recording(context.data_dir), sources)
-
-
-def make_agent(context: Any, environment: Any) -> Any:  # noqa: ARG001 - the interface of applications
-    """Makes an agent that does nothing, as the robot has driven already: its action has no numbers."""
-    return lambda _timestep: np.zeros(0)

@@ -10,7 +10,7 @@ from typing import Literal
 from pydantic import Field, FiniteFloat, ValidationError
 
 from ....schemas.wire.base import Model, optional
-from ..limits.left_files import read_left
+from ..limits.left_files import read_left, write_whole
 
 TIMELINE_FILE = "timeline.json"
 MAX_TIMELINE_BYTES = 4 * 1024 * 1024
@@ -76,12 +76,7 @@ def write_timeline(timeline: RunTimeline, output_dir: Path) -> None:
     Raises:
         OSError: The folder cannot be written.
     """
-    path = output_dir / TIMELINE_FILE
-    unfinished = path.with_name(f".{TIMELINE_FILE}.unfinished")
-    unfinished.unlink(missing_ok=True)
-    with unfinished.open("x") as file:  # made anew: programs may have left a link there
-        file.write(timeline.model_dump_json(exclude_none=True) + "\n")
-    unfinished.replace(path)
+    write_whole(output_dir / TIMELINE_FILE, timeline.model_dump_json(exclude_none=True).encode() + b"\n")
 
 
 def add_videos(videos: Mapping[str, FilmTimes], output_dir: Path) -> None:

@@ -1,13 +1,16 @@
-"""Safe access to files that untrusted programs have made: no links are followed, no FIFO blocks."""
+"""Safe access to files in folders of untrusted programs: no links are followed, no FIFO blocks.
+
+Written files are complete or absent.
+"""
 
 import errno
 import os
 import stat
-from collections.abc import Container, Iterable, Iterator
-from contextlib import suppress
+from collections.abc import Container, Generator, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from io import BufferedReader
 from pathlib import Path
-from typing import NamedTuple
+from typing import BinaryIO, NamedTuple
 
 _FLAGS = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
 
@@ -43,6 +46,40 @@ def open_left(path: Path, folder: int | None = None) -> BufferedReader:
         os.close(descriptor)
         raise OSError(errno.EINVAL, "no regular file", str(path))
     return os.fdopen(descriptor, "rb")
+
+
+def unfinished_of(path: Path) -> Path:
+    """Returns the temporary path of a file while it is being written."""
+    return path.with_name(f".{path.name}.unfinished")
+
+
+@contextmanager
+def written_anew(path: Path) -> Generator[BinaryIO]:
+    """Yields a new file that takes the place of `path` if the `with` block ends without an error.
+
+    A link that an untrusted program has left at its temporary path is deleted.
+
+    Raises:
+        OSError: The folder cannot be written.
+    """
+    unfinished = unfinished_of(path)
+    unfinished.unlink(missing_ok=True)
+    with unfinished.open("xb") as file:
+        yield file
+    unfinished.replace(path)
+
+
+def write_whole(path: Path, *parts: bytes) -> None:
+    """Writes a file atomically: it is complete or absent, even if the process is killed; see `written_anew`."""
+    with written_anew(path) as file:
+        file.writelines(parts)
+
+
+def write_all(file: BinaryIO, data: bytes) -> None:
+    """Writes all bytes, repeating partial writes, which unbuffered files on a nearly full disk may have."""
+    view = memoryview(data)
+    while view:
+        view = view[file.write(view) or 0 :]
 
 
 LEAST_BYTES = 4096

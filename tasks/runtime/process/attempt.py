@@ -4,7 +4,7 @@ import os
 import random
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -26,7 +26,15 @@ from ..episode.context import RobotProgramError, SimulationContext
 from ..episode.health import PhysicsHealth
 from ..episode.loading import LoadError, load_factory
 from ..episode.progress import Phase, Progress, Stop
-from ..episode.run_results import RESULT_FILE, Episode, Findings, ReportingEnvironment, make_result, write_result
+from ..episode.run_results import (
+    RESULT_FILE,
+    Episode,
+    Findings,
+    Observer,
+    ReportingEnvironment,
+    make_result,
+    write_result,
+)
 from ..recording.recording import McapRecorder, Recorder, RecordingError
 from ..ros.ros_robot import RosBridge
 from ..states.checkpoints import Checkpointer
@@ -179,12 +187,7 @@ def attempt(run: RunRequest, progress: Progress, stop: Stop) -> None:
                 error.add_note(where)
         # Reported before the robot's program is told, whose end would seem to be the failure.
         progress.write_report(report_of(error, progress))
-        # The first failure counts; a full disk may also keep the rest from being closed.
-        for observer in observers:
-            with suppress(Exception):
-                observer.close(None)
-        with suppress(RecordingError):
-            recorder.close()
+        _close_broken(observers, recorder)
         if checkpoints is not None:
             checkpoints.close()
         raise
@@ -192,15 +195,20 @@ def attempt(run: RunRequest, progress: Progress, stop: Stop) -> None:
     try:
         findings = [observer.close(episode.ended_by) for observer in (health, *observers)]
     except LaunchError:  # what was seen of a run without commands is what one wants to look at
-        for observer in observers:
-            with suppress(Exception):
-                observer.close(None)
-        with suppress(RecordingError):
-            recorder.close()
+        _close_broken(observers, recorder)
         raise
     recorder.close()
     write_result(make_result(episode, plan.seed, [*findings, recording_findings(episode, recording)]), plan.output_dir)
     progress.write_report({"ended_by": episode.ended_by})
+
+
+def _close_broken(observers: Iterable[Observer], recorder: Recorder) -> None:
+    """Closes what a broken run has open; the first failure counts, and a full disk may keep the rest from closing."""
+    for observer in observers:
+        with suppress(Exception):
+            observer.close(None)
+    with suppress(RecordingError):
+        recorder.close()
 
 
 def recording_findings(episode: Episode, recorder: Recorder) -> Findings:

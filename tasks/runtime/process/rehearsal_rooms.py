@@ -26,11 +26,6 @@ def make_room() -> tuple[Path, int]:
     return folder, lock
 
 
-def left_rooms() -> list[Path]:
-    """Lists this user's warm-up folders whose process was killed; they are not locked any more when this returns."""
-    return list(_left())
-
-
 def remove_left_rooms() -> list[Path]:
     """Deletes this user's warm-up folders whose process was killed.
 
@@ -38,14 +33,14 @@ def remove_left_rooms() -> list[Path]:
         The deleted folders.
     """
     found: list[Path] = []
-    for left in _left():
+    for left in left_rooms():
         shutil.rmtree(left, ignore_errors=True)
         if not left.exists():
             found.append(left)
     return found
 
 
-def _left() -> Iterator[Path]:
+def left_rooms() -> Iterator[Path]:
     """Yields each warm-up folder of this user whose process was killed, while holding its lock; skips those in use."""
     for left in sorted(Path(tempfile.gettempdir()).glob(f"{_PREFIX}*")):
         with suppress(OSError):  # it is in use, another user's, or has just been removed

@@ -29,11 +29,10 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Schema
 
-from ..limits.left_files import open_left
+from ..limits.left_files import open_left, unfinished_of, write_whole
 from ..limits.processes import die_with_parent
 from ..recording.companions import LAYOUT_FILE, METADATA_FILE, RecordedTopic, layout, metadata, offer_in
 from ..recording.mcap_file import McapFile, Unbuffered
-from .topic_report import unfinished_of
 
 RECORDING_FILE = "recording.mcap"
 
@@ -204,7 +203,8 @@ def join(folder: Path, names: Sequence[str]) -> dict[str, Any]:
     """
     own = folder / RECORDING_FILE
     others = [folder / name for name in names]
-    unfinished = _fresh(own)
+    unfinished = unfinished_of(own)
+    unfinished.unlink(missing_ok=True)  # a program may have left a link there
     target = Target(unfinished)
     try:
         with ExitStack() as stack:
@@ -221,28 +221,14 @@ def join(folder: Path, names: Sequence[str]) -> dict[str, Any]:
         topics, start_ns, end_ns = target.close()
         if added:
             unfinished.replace(own)
-            _write(folder / METADATA_FILE, metadata(own.name, topics, start_ns, end_ns))
+            write_whole(folder / METADATA_FILE, metadata(own.name, topics, start_ns, end_ns).encode())
             shown = layout({topic.name: topic.type for topic in topics})
-            _write(folder / LAYOUT_FILE, json.dumps(shown, indent=2) + "\n")
+            write_whole(folder / LAYOUT_FILE, json.dumps(shown, indent=2).encode() + b"\n")
     finally:
         unfinished.unlink(missing_ok=True)
     for path in others:
         path.unlink(missing_ok=True)
     return {"messages": added, "cut": [part.name for part in parts if not part.is_whole]}
-
-
-def _write(path: Path, text: str) -> None:
-    unfinished = _fresh(path)
-    with unfinished.open("x") as file:
-        file.write(text)
-    unfinished.replace(path)
-
-
-def _fresh(path: Path) -> Path:
-    """Returns the temporary path of a file, after deleting what is there, such as a link that a program left."""
-    unfinished = unfinished_of(path)
-    unfinished.unlink(missing_ok=True)
-    return unfinished
 
 
 def main(folder: str, *names: str) -> int:

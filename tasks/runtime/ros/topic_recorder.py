@@ -21,12 +21,13 @@ from pathlib import Path
 from types import FrameType
 from typing import NamedTuple
 
+from ..limits.left_files import write_whole
 from ..limits.processes import die_with_parent
 from ..recording.companions import Offer, channel_metadata
 from ..recording.mcap_file import McapFile, Unbuffered
 from .dds import Reach, Received, ros_type_name
 from .dds_listening import Announced, Call, Listener, ListenError, Subscription
-from .topic_report import RecorderReport, RecorderRequest, TopicReport, part_path, report_path, unfinished_of
+from .topic_report import RecorderReport, RecorderRequest, TopicReport, part_path, report_path
 from .type_definitions import (
     SERVICE,
     SERVICE_TYPE,
@@ -384,10 +385,7 @@ class TopicRecorder:
         if report == self._said:
             return
         self._said = report
-        path = report_path(self._path)
-        unfinished = unfinished_of(path)
-        unfinished.write_text(report.model_dump_json())
-        unfinished.replace(path)
+        write_whole(report_path(self._path), report.model_dump_json().encode())
 
 
 def _offer(found: Announced) -> Offer:

@@ -27,11 +27,6 @@ def part_path(folder: Path, number: int) -> Path:
     return folder / f"ros-topics.{number}.mcap"
 
 
-def unfinished_of(path: Path) -> Path:
-    """Returns the temporary path of a file until it is finished."""
-    return path.with_name(f".{path.name}.unfinished")
-
-
 def report_path(part: Path) -> Path:
     """Returns the path of the report about one of the topic recorder's files."""
     return part.with_suffix(".json")

@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError
 
 from ....schemas.runs.plan import RunPlan
 from ....schemas.wire.base import Model
-from ..limits.left_files import read_left
+from ..limits.left_files import read_left, write_whole
 
 PLAN_FILE = "plan.json"
 REASON_FILE = "not-resumable.txt"
@@ -161,15 +161,6 @@ def payload_of(path: Path, header: CheckpointHeader) -> bytes:
     if len(payload) != header.payload_bytes or zlib.crc32(payload) != header.payload_crc32:
         raise CheckpointError(f"{path} is not whole")
     return payload
-
-
-def write_whole(path: Path, *parts: bytes) -> None:
-    """Writes a file atomically: it is complete or absent, even if the process is killed."""
-    unfinished = path.with_name(f".{path.name}.unfinished")
-    with unfinished.open("wb") as file:
-        for part in parts:
-            file.write(part)
-    unfinished.replace(path)
 
 
 def take_lock(path: Path) -> int:

@@ -20,6 +20,7 @@ from ....schemas.runs.plan import RunPlan
 from ..episode.physics import raw_physics
 from ..episode.progress import program_in_words
 from ..episode.run_results import Observer
+from ..limits.left_files import write_whole
 from .checkpoint_files import (
     REASON_FILE,
     CheckpointError,
@@ -28,7 +29,6 @@ from .checkpoint_files import (
     number_of,
     payload_of,
     write_checkpoint,
-    write_whole,
 )
 from .digest import digest_of_model
 

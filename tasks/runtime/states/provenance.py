@@ -21,7 +21,7 @@ from ....schemas.runs.provenance import PROVENANCE_FILE, ActionsSummary, Applica
 from ....schemas.runs.variables import without_secrets
 from ..episode.physics import raw_physics
 from ..episode.run_results import Findings, Observer
-from .checkpoint_files import write_whole
+from ..limits.left_files import write_whole
 from .digest import DIGEST_FILE, LOOK_EVERY_S, StateDigest
 from .imported_code import digest_of_folder, imported_code
 

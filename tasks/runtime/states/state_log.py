@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from ..episode.physics import raw_physics
 from ..episode.run_results import Findings, Observer
+from ..limits.left_files import write_all
 
 ABOUT_FILE = "about.json"
 STATES_FILE = "states.log"
@@ -306,7 +307,7 @@ class StateLogWriter:
         packed = self._compressor.compress(_differences(self._rows[: self._in_tail]))
         members = self._models, model.nq, model.nmocap, self._in_tail, len(packed)
         header = CHUNK.pack(MAGIC, *members, checksum(members, packed))
-        _write_all(self._log, header + packed)
+        write_all(self._log, header + packed)
         # A reader that comes in between sees these states twice, and drops what it has by the number before them.
         self._counter[0] = 0
         self._base[0] = self.frames
@@ -388,10 +389,3 @@ def _differences(rows: Rows) -> bytes:
     bits = rows.T.copy().view(np.uint64)
     bits[:, 1:] ^= bits[:, :-1].copy()
     return bits.tobytes()
-
-
-def _write_all(file: BinaryIO, data: bytes) -> None:
-    """Writes all bytes, repeating partial writes, which unbuffered files on a nearly full disk may have."""
-    view = memoryview(data)
-    while view:
-        view = view[file.write(view) or 0 :]

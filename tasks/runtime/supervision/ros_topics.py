@@ -9,7 +9,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from ....schemas.runs.plan import RunPlan
-from ..limits.left_files import read_left
+from ..limits.left_files import read_left, unfinished_of
 from ..limits.logs import LOG_FOLDER, add_note, log_tail
 from ..ros.topic_report import (
     MAX_REPORT_BYTES,
@@ -19,7 +19,6 @@ from ..ros.topic_report import (
     notes_of,
     part_path,
     report_path,
-    unfinished_of,
 )
 from .finished_outputs import add_result_notes, read_result
 from .helper_programs import MAX_REASON_CHARACTERS, run_helper

@@ -11,7 +11,7 @@ from ....schemas.runs.trial_rows import TRIALS_FILE, TRIALS_FOLDER, TrialRow
 from ....schemas.runs.trials import Trials
 from ...results.columns import Names, columns_of, row_of, schema_of
 from ..episode.run_results import RESULT_FILE, versions, write_result
-from ..limits.left_files import open_left
+from ..limits.left_files import open_left, written_anew
 from .tally import Tally
 
 JOURNAL_FILE = "trials.jsonl"
@@ -134,15 +134,12 @@ def write_table(journal: Path, path: Path, trials: Trials, recorded: set[int]) -
 
     names = Names.of(read_journal(journal))
     schema = schema_of({name: axis.is_number for name, axis in (trials.axes or {}).items()}, names)
-    unfinished = path.with_name(f".{path.name}.unfinished")
-    unfinished.unlink(missing_ok=True)
     count, rows = 0, read_journal(journal)
-    with unfinished.open("xb") as file, pq.ParquetWriter(file, schema, compression=_COMPRESSION) as writer:
+    with written_anew(path) as file, pq.ParquetWriter(file, schema, compression=_COMPRESSION) as writer:
         while group := list(islice(rows, ROWS_IN_GROUP)):
             columns = [columns_of(row, names, recorded=row.trial in recorded) for row in group]
             writer.write_table(pa.Table.from_pylist(columns, schema), row_group_size=ROWS_IN_GROUP)
             count += len(group)
-    unfinished.replace(path)
     return count
 
 

@@ -21,6 +21,7 @@ from ....schemas.runs.trial_rows import (
     TrialsSummary,
 )
 from ....schemas.runs.trials import Trials
+from ....schemas.wire.common import counted
 from ..episode.verdicts import Parts, TrialParts, decide_verdict
 from .axis_parts import AxisEffect, AxisParts, Part
 
@@ -197,7 +198,8 @@ class Tally:
         It also says if trials have no verdict, or the job was stopped.
         """
         bad = self._counts.get("failed", 0) + self._counts.get("errors", 0)
-        text = f"{bad} of {_trials(self.rows)} did not pass" if bad else f"none of {_trials(self.rows)} failed"
+        trials = counted(self.rows, "trial")
+        text = f"{bad} of {trials} did not pass" if bad else f"none of {trials} failed"
         if bad:
             more = bad - _NAMED
             named = ", ".join(str(number) for number in self.first_failing[:_NAMED])
@@ -268,7 +270,7 @@ class _RequirementCount:
             name=name,
             kind=self.kind,
             satisfied=self.met == self.trials,
-            detail=f"{aside}met in {self.met} of {_trials(self.trials)}",
+            detail=f"{OFF_BY_JOB if self.kind == 'off' else ''}met in {self.met} of {counted(self.trials, 'trial')}",
             counts=False,
             **worst,
         )
@@ -293,7 +295,3 @@ def _failing(row: TrialRow, verdict: Verdict) -> FailingTrial:
         verdict="FAIL" if verdict == "FAIL" else "ERROR",
         reason=row.reason if len(row.reason) <= _REASON_CHARACTERS else f"{row.reason[: _REASON_CHARACTERS - 1]}…",
     )
-
-
-def _trials(count: int) -> str:
-    return f"{count} trial{'' if count == 1 else 's'}"

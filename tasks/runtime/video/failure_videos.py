@@ -13,10 +13,10 @@ from pathlib import Path
 from ....schemas.runs.plan import RunOutcome, RunPlan
 from ....schemas.wire.errors import LaunchError
 from ..episode.run_results import MAX_RESULT_BYTES, RESULT_FILE
-from ..limits.left_files import read_left
+from ..limits.left_files import read_left, unfinished_of
 from ..limits.logs import add_note
 from ..rendering.backends import best_video_backend
-from .video_settings import CLIP_FILE, STATE_LOG_FOLDER, VIDEO_FILE, VideoRequest, settings_of, unfinished
+from .video_settings import CLIP_FILE, STATE_LOG_FOLDER, VIDEO_FILE, VideoRequest, settings_of
 
 _PROGRAM = "prefect_robomaker.tasks.runtime.video.rerender"
 _REMARKS_FILE = "film.log"
@@ -152,4 +152,4 @@ def _carry_out(
 def _remove_unfinished(output_dir: Path) -> None:
     for name in (VIDEO_FILE, CLIP_FILE):
         with suppress(OSError):  # the application may have put anything there
-            unfinished(output_dir / name).unlink()
+            unfinished_of(output_dir / name).unlink()

@@ -27,8 +27,8 @@ from PIL import Image as PillowImage
 from ....schemas.runs.plan import RunPlan
 from ..episode.physics import raw_physics
 from ..episode.run_results import Findings, Observer
+from ..limits.left_files import write_whole
 from ..rendering.views import BOTH, FOLLOW, MODEL_BORROWED, TOP, awake, work_out_places
-from ..states.checkpoint_files import write_whole
 from .video import RAYS, ViewRenderer
 from .video_settings import LIVE_VIEW_FILE, VideoSettings
 

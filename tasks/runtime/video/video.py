@@ -17,6 +17,7 @@ from ....schemas.worlds.appearance import appearance_named
 from ..episode.physics import raw_physics
 from ..episode.run_results import Findings, Observer
 from ..episode.run_timeline import FilmTimes
+from ..limits.left_files import unfinished_of
 from ..rendering.cameras import Camera, Depths, GlCamera, Image
 from ..rendering.ray_camera import RayCamera
 from ..rendering.views import CameraNameError, View, choose_views
@@ -28,7 +29,6 @@ from .video_settings import (
     POSTER_FILE,
     VIDEO_FILE,
     VideoSettings,
-    unfinished,
 )
 
 
@@ -49,7 +49,7 @@ class VideoWriter:
         self.frames = 0
         self.rate_hz = rate_hz
         self._path = path
-        self._unfinished = unfinished(path)
+        self._unfinished = unfinished_of(path)
         self._container = av.open(str(self._unfinished), "w", format="mp4", options={"movflags": "faststart"})
         self._stream = self._container.add_stream("libx264", rate=rate_hz)
         self._stream.width, self._stream.height = size

@@ -188,8 +188,3 @@ class VideoRequest(Model):
     settings: VideoSettings = Field(description="Camera, size and rate.")
     whole_video: bool = Field(description="Whether `video.mp4` is made too.")
     parent_pid: int = Field(description="The rendering process ends with this process.")
-
-
-def unfinished(path: Path) -> Path:
-    """Returns the temporary path of a file while it is being written."""
-    return path.with_name(f".{path.name}.unfinished")

@@ -27,15 +27,10 @@ from ..environment.role_access import acting_service, role_of
 from .output_places import keep_new_bucket, notes_of, output_place, prepare_bucket
 from .rolling_uploads import RollingUploads, rolled_files, rolling_only, taken_files
 from .storable_files import FIRST, RESULT_FILE, Found, LeftOut, Room, check_wanted, distinct, rank, storable_files
-from .upload_files import Upload, link_or_copy, uploads_of, visit_matches
+from .upload_files import Upload, Visit, link_or_copy, uploads_of, visit_matches
 
 NOT_STORED = ("output", "uploads", "rolling", "rolled.jsonl")
 """Names in a run's folder that are kept if the upload fails."""
-
-Visit = Callable[[int, str, str], None]
-"""Function that receives a matching file: descriptor of its folder, its name, and its path below the fixed part of the
-pattern.
-"""
 
 _MOST_CHANGES = 3
 _NOTES = "logs/uploads.log"

@@ -6,7 +6,7 @@ package has.
 """
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,13 +15,11 @@ from ....schemas.runs.plan import ApplicationRole
 from ....schemas.wire.errors import LaunchError
 from ...bundles.colcon import missing_interpreter, overlays, own_program, setups_of, sourced
 from ...bundles.launch_files import LAUNCHERS, WORKSPACE_SETUPS, Ros, is_launch_file, lacks_launch_file, readers_of
+from ..containers.engines import Which
 
 DEFAULT_FACTORIES: Mapping[ApplicationRole, str] = {"robot": "make_agent", "simulation": "make_environment"}
 # Where launch files and scripts are in a package, in sources and as ROS installs them.
 _INNER_FOLDERS = ("", "launch", "scripts")
-
-Which = Callable[[str], str | None]
-"""Function that finds a program on the path."""
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,6 @@ It ends when its input does, also in the midst of a world, so it never outlives 
 """
 
 import json
-import os
-import queue
-import sys
-import threading
 import traceback
 from pathlib import Path
 
@@ -21,6 +17,7 @@ from ....schemas.templates.parsing import parse_template_body
 from ....schemas.wire.errors import RobomakerError
 from ..generator import generate_world
 from .bundle import write_bundle
+from .plan_worker import open_channel
 
 
 def main() -> None:
@@ -28,19 +25,9 @@ def main() -> None:
 
     The process ends with its standard input.
     """
-    # What a library prints must not come between the answers.
-    answers = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)
-    requests: queue.SimpleQueue[str] = queue.SimpleQueue()
-    threading.Thread(target=_read, args=(requests,), daemon=True).start()
+    requests, answers = open_channel()
     while True:
         print(json.dumps(answer(json.loads(requests.get()))), file=answers, flush=True)
-
-
-def _read(requests: "queue.SimpleQueue[str]") -> None:
-    for line in sys.stdin:
-        requests.put(line)
-    os._exit(0)
 
 
 def answer(request: dict[str, str | int]) -> dict[str, str]:

@@ -17,7 +17,7 @@ import signal
 import sys
 import threading
 from types import FrameType
-from typing import NoReturn
+from typing import NoReturn, TextIO
 
 from ....schemas.templates.parsing import parse_template_body
 from ....schemas.wire.errors import RobomakerError, WorldGenerationError
@@ -40,11 +40,7 @@ def main() -> None:
 
     It ends when no line has come for some time.
     """
-    # What a library prints must not come between the answers.
-    answers = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)
-    requests: queue.SimpleQueue[str] = queue.SimpleQueue()
-    threading.Thread(target=_read, args=(requests,), daemon=True).start()
+    requests, answers = open_channel()
     signal.signal(signal.SIGPROF, _stop)
     while True:
         try:
@@ -69,6 +65,19 @@ def answer(request: dict[str, str | int]) -> dict[str, str]:
         return {"error": str(error)}
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0)
+
+
+def open_channel() -> tuple["queue.SimpleQueue[str]", TextIO]:
+    """Opens the channel to the process that asks: a queue of the lines on standard input, and a stream for answers.
+
+    This process ends when its input does. What libraries print goes to standard error.
+    """
+    # What a library prints must not come between the answers.
+    answers = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)
+    requests: queue.SimpleQueue[str] = queue.SimpleQueue()
+    threading.Thread(target=_read, args=(requests,), daemon=True).start()
+    return requests, answers
 
 
 def _read(requests: "queue.SimpleQueue[str]") -> None:

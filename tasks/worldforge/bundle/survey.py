@@ -158,6 +158,13 @@ def world_bounds(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[NDArray[np
     half = _BARE_SIDE_M / 2
     if not len(geoms):
         return np.array([-half, -half, 0.0]), np.array([half, half, 2.5])
+    return bounds_of_geoms(model, data, geoms)
+
+
+def bounds_of_geoms(
+    model: mujoco.MjModel, data: mujoco.MjData, geoms: list[int] | NDArray[np.intp]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Returns the lowest and highest corner of some geoms, by their numbers, of which there is one at least."""
     axes, boxes = data.geom_xmat[geoms].reshape(-1, 3, 3), model.geom_aabb[geoms]
     center = data.geom_xpos[geoms] + (axes @ boxes[:, :3, None])[..., 0]
     reach = (np.abs(axes) @ boxes[:, 3:, None])[..., 0]

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import cos, hypot, pi, sin
+from operator import attrgetter
 from random import Random
 
 from ....schemas.worlds.world import OUTDOOR_ROOM_TYPE, Furniture, World
@@ -105,14 +106,14 @@ class _Top:
             named = [part for part in parts if part.name == "left"]
         if not named:
             return None
-        top = max(named, key=_upper)
-        above = [_box(part) for part in parts if part.drawn and _upper(part) > _upper(top) + 1e-4]
+        top = max(named, key=attrgetter("top_m"))
+        above = [_box(part) for part in parts if part.drawn and part.top_m > top.top_m + 1e-4]
         near = [thing for thing in loose if thing.base_m > 0.2 and hits(box_of(item), [_around(thing)])]
         return cls(top, above + [_local(item, thing) for thing in near], 2.0)
 
     @property
     def up(self) -> float:
-        return _upper(self.part)
+        return self.part.top_m
 
     def free(self, x: float, y: float, deep: float, wide: float) -> Box | None:
         """Returns the area that an object covers at a position, or `None` if it overhangs or collides."""
@@ -127,11 +128,11 @@ class _Top:
 def _boards(item: Furniture) -> Iterator[_Top]:
     """Yields the boards of an open shelf as surfaces for decoration."""
     parts = parts_of(item)
-    boards = sorted((part for part in parts if part.name.startswith("board")), key=_upper)
-    for board, above in zip(boards, [*(_upper(part) for part in boards[1:]), item.height_m + 2.0], strict=True):
+    boards = sorted((part for part in parts if part.name.startswith("board")), key=attrgetter("top_m"))
+    for board, above in zip(boards, [*(part.top_m for part in boards[1:]), item.height_m + 2.0], strict=True):
         others = (part for part in parts if part is not board and _bottom(part) < above - 0.05)
-        standing = [_box(part) for part in others if _upper(part) > _upper(board) + 1e-4]
-        yield _Top(board, standing, above - 0.04 - _upper(board))
+        standing = [_box(part) for part in others if part.top_m > board.top_m + 1e-4]
+        yield _Top(board, standing, above - 0.04 - board.top_m)
 
 
 def _set(
@@ -161,10 +162,6 @@ def _set(
 def _turned_extents(size: tuple[float, float], angle: float) -> tuple[float, float]:
     c, s = abs(cos(angle)), abs(sin(angle))
     return c * size[0] + s * size[1], s * size[0] + c * size[1]
-
-
-def _upper(part: Part) -> float:
-    return part.center[2] + part.size[2] / 2
 
 
 def _bottom(part: Part) -> float:

@@ -75,14 +75,10 @@ def height_at(parts: Sequence[Part], spot: Box) -> float | None:
     under = [part for part in parts if _over(part, x0, y0, x1, y1)]
     if not under:
         return None
-    height = max(map(_top, under))
+    height = max(part.top_m for part in under)
     # A drawn top and the box below it that carries are as high, but for the last digit.
-    highest = [part for part in under if _top(part) > height - 1e-6]
+    highest = [part for part in under if part.top_m > height - 1e-6]
     return height if any(part.solid and _carries(part, x0, y0, x1, y1) for part in highest) else None
-
-
-def _top(part: Part) -> float:
-    return part.center[2] + part.size[2] / 2
 
 
 def _over(part: Part, x0: float, y0: float, x1: float, y1: float) -> bool:

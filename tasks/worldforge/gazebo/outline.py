@@ -29,6 +29,7 @@ from ..bundle.bundle import MODEL_FILE
 from ..bundle.survey import (
     LOW_M,
     Ground,
+    bounds_of_geoms,
     in_the_way,
     nearest_cell,
     on_map,
@@ -241,7 +242,7 @@ def _furniture(drawn: Drawn, areas: Sequence[NamedArea]) -> tuple[list[Furniture
         geoms = names.get(piece)
         if geoms is None:
             continue
-        low, high = _box(drawn, geoms)
+        low, high = bounds_of_geoms(drawn.model, drawn.data, geoms)
         cells = _cells(drawn.grid, low, high)
         if high[2] < 0.03 or low[2] > ceiling_m or not cells.any() or not (cells & drawn.grid.known).any():
             continue
@@ -285,14 +286,6 @@ def _pieces_of_geoms(model: mujoco.MjModel) -> dict[str, list[int]]:
     for geom in np.flatnonzero(model.geom_contype | model.geom_conaffinity != 0):
         found.setdefault(model.geom(int(geom)).name.partition(".")[0], []).append(int(geom))
     return found
-
-
-def _box(drawn: Drawn, geoms: list[int]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    model, data = drawn.model, drawn.data
-    axes, boxes = data.geom_xmat[geoms].reshape(-1, 3, 3), model.geom_aabb[geoms]
-    center = data.geom_xpos[geoms] + (axes @ boxes[:, :3, None])[..., 0]
-    half = (np.abs(axes) @ boxes[:, 3:, None])[..., 0]
-    return (center - half).min(axis=0), (center + half).max(axis=0)
 
 
 def _cells(grid: OccupancyGrid, low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -38,6 +38,11 @@ class Part:
     drawn: bool = True
     """Whether a furniture part is drawn; an undrawn part collides."""
 
+    @property
+    def top_m(self) -> float:
+        """Height of a furniture part's upper end, in metres."""
+        return self.center[2] + self.size[2] / 2
+
 
 @dataclass(frozen=True, slots=True)
 class Style:

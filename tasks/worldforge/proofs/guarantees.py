@@ -6,6 +6,7 @@ It needs only the measurements that `world.json` holds; `checks` takes them.
 from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
+from ....schemas.wire.common import counted
 from ....schemas.worlds.world import GazeboSource, Guarantee, RoomMeasures, StabilityChecks, World, WorldChecks
 
 MAX_PENETRATION_M = 0.005
@@ -101,10 +102,7 @@ def proof_lines(world: World) -> list[ProofLine]:
 
 def _plan_lines(checks: WorldChecks) -> Iterator[ProofLine]:
     apart = rooms_apart(checks)
-    rooms, ways = (
-        f"{len(each)} {noun}{'' if len(each) == 1 else 's'}"
-        for each, noun in ((checks.rooms, "room"), (checks.room_graph, "way"))
-    )
+    rooms, ways = counted(len(checks.rooms), "room"), counted(len(checks.room_graph), "way")
     joined = f"no way to {', '.join(apart)}" if apart else f"{rooms}, {ways}"
     if checks.rooms:
         yield ProofLine("Rooms joined", joined, _verdict(not apart))

@@ -10,7 +10,7 @@ from prefect.artifacts import Artifact
 
 from prefect_robomaker.schemas.runs.trials import TrialCounts
 from prefect_robomaker.tasks.execution import prefect_artifacts
-from prefect_robomaker.tasks.execution.prefect_artifacts import artifact_key, show_jobs, show_summary, shown_progress
+from prefect_robomaker.tasks.execution.prefect_artifacts import artifact_key, show_table, show_text, shown_progress
 from prefect_robomaker.tasks.service.service import Progress, Service
 
 
@@ -26,7 +26,7 @@ def test_a_flow_run_has_a_table_and_its_progress(prefect_server: str, service: S
     def shows() -> None:
         with shown_progress(service, "two jobs") as watched:
             watched.report_progress(Progress({"completed": 1, "failed": 1, "running": 2}, 4))
-            show_jobs(key, [{"job": "sim-1", "status": "Completed"}])
+            show_table(key, [{"job": "sim-1", "status": "Completed"}], "Simulation jobs")
 
     shows()
 
@@ -74,8 +74,8 @@ def test_a_server_that_is_gone_fails_nothing(
     def shows_nothing() -> None:
         with shown_progress(service.watched_by(seen.append), "two jobs") as watched:
             watched.report_progress(Progress({"completed": 1}, 1))
-        show_jobs("jobs", [{"job": "sim-1"}])
-        show_summary("summary", "all well")
+        show_table("jobs", [{"job": "sim-1"}], "Simulation jobs")
+        show_text("summary", "all well", "How the run ended")
 
     shows_nothing()
 
@@ -85,4 +85,4 @@ def test_a_server_that_is_gone_fails_nothing(
 
 def test_nothing_is_shown_outside_a_flow_run(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(prefect_artifacts, "create_table_artifact", lambda **_: pytest.fail("there is no flow run"))
-    show_jobs("jobs", [{"job": "sim-1"}])
+    show_table("jobs", [{"job": "sim-1"}], "Simulation jobs")

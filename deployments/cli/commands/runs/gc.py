@@ -119,7 +119,7 @@ def _left_behind(settings: "Settings", service: "Service", *, act: bool) -> list
     limits = len(collect_limits(settings, service, act=act))
     told = [f"{runs} folder(s) of runs that other processes took over"] if runs else []
     told += [f"{limits} concurrency limit(s) of batches that have ended"] if limits else []
-    rooms = len(remove_left_rooms() if act else left_rooms())
+    rooms = len(remove_left_rooms() if act else list(left_rooms()))
     told += [f"{rooms} folder(s) in which job workers that were killed had rehearsed"] if rooms else []
     return [f"{'removed' if act else _LEFT}: {each}" for each in told]
 

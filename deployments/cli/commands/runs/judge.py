@@ -9,7 +9,7 @@ import os
 import re
 from pathlib import Path
 
-from ...arguments import add_open, add_output, add_report, given_options
+from ...arguments import add_report, given_options
 from ...inputs.options import output_file, spec_name
 
 
@@ -26,8 +26,6 @@ def declare(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--name", help="name of the run (default: that of FILE, which history and compare go by)")
     add_report(parser)
-    add_output(parser, "text", "json")
-    add_open(parser, "show the report in a browser (by default only on a desktop's terminal)")
 
 
 def execute(arguments: argparse.Namespace) -> int:

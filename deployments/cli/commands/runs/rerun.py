@@ -8,7 +8,7 @@ is 0; otherwise it says how the rerun ended, as that of `robomaker run` does.
 import argparse
 import sys
 
-from ...arguments import add_backend, add_open, add_output, add_report, given_options
+from ...arguments import add_backend, add_report, given_options
 from ...inputs.options import output_file, read_record
 
 
@@ -34,8 +34,6 @@ def declare(parser: argparse.ArgumentParser) -> None:
     )
     add_backend(parser)
     add_report(parser)
-    add_output(parser, "text", "json")
-    add_open(parser, "show the report in a browser (by default only on a desktop's terminal)")
 
 
 def execute(arguments: argparse.Namespace) -> int:

@@ -12,7 +12,7 @@ import dataclasses
 from typing import TYPE_CHECKING
 
 from .....schemas.wire.errors import ConfigurationError
-from ...arguments import add_backend, add_open, add_output, add_parameters, add_report, add_spec, given_options
+from ...arguments import add_backend, add_parameters, add_report, add_spec, given_options
 from ...inputs.options import output_file
 
 if TYPE_CHECKING:
@@ -43,8 +43,6 @@ def declare(parser: argparse.ArgumentParser) -> None:
     )
     add_backend(parser)
     add_report(parser)
-    add_output(parser, "text", "json")
-    add_open(parser, "show the report in a browser (by default only on a desktop's terminal)")
 
 
 def execute(arguments: argparse.Namespace) -> int:

@@ -11,7 +11,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from .....schemas.wire.errors import ConfigurationError
-from ...arguments import add_backend, add_open, add_output, add_parameters, add_report, add_spec, given_options
+from ...arguments import add_backend, add_parameters, add_report, add_spec, given_options
 from ...inputs.options import find_record, output_file, percentage, seed_number, spec_name
 
 if TYPE_CHECKING:
@@ -53,8 +53,6 @@ def declare(parser: argparse.ArgumentParser) -> None:
     )
     add_backend(parser)
     add_report(parser)
-    add_output(parser, "text", "json")
-    add_open(parser, "show the report in a browser (by default only on a desktop's terminal)")
 
 
 def execute(arguments: argparse.Namespace) -> int:

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from .....schemas.runs.plan import Collision, Requirement, RoomVisit
-from .....schemas.worlds.world import Point, Room, contains
+from .....schemas.worlds.world import Room, bounds, contains
 from ...episode.context import KeepsAttributes
 from ...episode.physics import ContactForces, can_touch, geom_names, robot_geoms
 from ...episode.run_results import MAX_PATH_POINTS, EnvironmentReport, thin_out
@@ -42,7 +42,7 @@ class Mission(KeepsAttributes):
             time_limit_s: Simulated time that ends the run.
         """
         self._rooms = rooms
-        self._unvisited = {index: (_bounds(room.polygon), room.polygon) for index, room in enumerate(rooms)}
+        self._unvisited = {index: (bounds(room.polygon), room.polygon) for index, room in enumerate(rooms)}
         self.time_limit_s = time_limit_s
         self.first_visit_s: list[float | None] = [None] * len(rooms)
         self.tipped_over = False
@@ -160,11 +160,6 @@ class Mission(KeepsAttributes):
 def _never_touches(requirement: Requirement) -> Requirement:
     why = "the robot has no shape that collides with anything else, so it goes through everything"
     return requirement.model_copy(update={"satisfied": False, "error": why, "detail": f"could not be judged: {why}"})
-
-
-def _bounds(polygon: Sequence[Point]) -> tuple[float, float, float, float]:
-    xs, ys = zip(*polygon, strict=True)
-    return min(xs), min(ys), max(xs), max(ys)
 
 
 SEPARATION_S = 0.1
