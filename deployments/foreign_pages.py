@@ -112,6 +112,9 @@ _CORS = b"access-control-"
 class Guard:
     """ASGI application wrapper that refuses requests of foreign web pages to a server that listens at 127.0.0.1.
 
+    It also removes CORS headers from the application's responses, and adds headers by which its pages can neither be
+    framed nor talk to other servers.
+
     Args:
         application: The ASGI application to protect.
     """

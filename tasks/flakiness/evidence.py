@@ -123,7 +123,10 @@ class _Ends:
         return any(each <= hold.held for each in self.covers)
 
     def log_of(self, ends: Iterable[tuple[Hold, _End]]) -> float:
-        """Adds ends one after another; returns the logarithm of how probable they were."""
+        """Adds the labels of reruns to those known, one after another; returns the natural logarithm of their probability.
+
+        The probability is that of all together: each is judged by those before it.
+        """
         log = 0.0
         for hold, end in ends:
             log += math.log(self.chance(hold, end))

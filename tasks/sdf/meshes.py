@@ -147,7 +147,7 @@ def _submesh(parts: tuple[MeshPart, ...], name: str, path: Path) -> tuple[MeshPa
 
 
 def _sound(part: MeshPart) -> MeshPart:
-    """Removes triangles with non-finite corners from a mesh part."""
+    """Returns a mesh part without triangles that have a corner that is not finite, or as far away as 100 km."""
     good = np.isfinite(part.triangles).all(axis=(1, 2)) & (np.abs(part.triangles) < _MOST_COORDINATE_M).all(axis=(1, 2))
     if good.all():
         return part

@@ -184,7 +184,7 @@ def fact_lines(facts: dict[str, Any]) -> list[Line]:
 
 
 def _printable(text: str) -> str:
-    """Removes control characters from untrusted names, as these could control the terminal."""
+    """Replaces what is not printable in a text, line breaks too, by U+FFFD: names in it could control the terminal."""
     return "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in text)
 
 

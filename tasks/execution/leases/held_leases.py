@@ -192,7 +192,8 @@ class HeldLeases:
         """Releases every lease (lock of a job) at shutdown; this process takes no more jobs.
 
         Returns:
-            ARNs of the jobs that were held, those of batches after the jobs in them.
+            ARNs of the jobs whose leases were released, those of batches after the jobs in them. Where the catalog does
+            not answer, a lease is left to run out, and its job is missing.
         """
         with self._lock:
             self._closed = True

@@ -193,7 +193,9 @@ def _hash_of(ros_type: str, definition: str, characters_as: str = "char") -> str
 
 
 def _types_of(definition: str, ros_type: str, characters_as: str) -> Any:
-    """Parses the types of a ROS definition; those of services get names that the parser accepts as messages.
+    """Parses the types of a ROS definition, by their names.
+
+    The parser reads the types of a service as messages; in the result they have their own names, `package/srv/…`.
 
     Args:
         definition: Text of the definition.

@@ -65,8 +65,8 @@ def imported_code(modules: Mapping[str, ModuleType], application_dirs: Sequence[
         application_dirs: Folders of unpacked applications, whose files are hashed separately.
 
     Returns:
-        By name of the outermost package or module: the version of an installed distribution, else a digest of its
-        Python files.
+        By name of the outermost package or module: the version of the installed distribution of that name; of one that
+        an installed distribution brings under another name, size and time of its file; else a digest of its files.
     """
     found: dict[str, str] = {}
     for name, module in list(modules.items()):

@@ -270,7 +270,7 @@ class _RequirementCount:
             name=name,
             kind=self.kind,
             satisfied=self.met == self.trials,
-            detail=f"{OFF_BY_JOB if self.kind == 'off' else ''}met in {self.met} of {counted(self.trials, 'trial')}",
+            detail=f"{aside}met in {self.met} of {counted(self.trials, 'trial')}",
             counts=False,
             **worst,
         )

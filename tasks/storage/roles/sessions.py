@@ -112,7 +112,10 @@ class SessionSource:
         raise CredentialsRefusedError(f"role {arn}: block {block} has neither {key} and {secret} nor profile_name")
 
     def _assumed(self, sts: _Sts, role: Role, arn: str) -> dict[str, Any]:
-        """Requests temporary credentials from STS, restricted by a policy to the keys that the role may access.
+        """Requests temporary credentials from STS, as metadata for botocore's refreshable credentials.
+
+        A policy restricts them to the keys that the role names; a role that names none gets no policy, and so all that
+        the assumed role may do.
 
         Raises `StorageUnavailableError` if STS does not answer, and `CredentialsRefusedError` if it refuses.
         """

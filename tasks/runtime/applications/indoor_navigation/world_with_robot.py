@@ -142,8 +142,8 @@ def _raise_slide_priority(own: mujoco.MjSpec, world: mujoco.MjSpec) -> None:
 def _let_sleep(world: mujoco.MjSpec) -> None:
     """Lets loose objects and doors sleep until something touches them, which makes steps ten times faster.
 
-    The option is set here and not in the file, as older versions of MuJoCo could not read it there. Files of earlier
-    generators do have it.
+    Does nothing if the world's file sets the option already, as files of earlier generators do. Newer files do not, as
+    older versions of MuJoCo could not read it there.
     """
     if world.option.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP.value:
         return
