@@ -123,7 +123,7 @@ class _Ends:
         return any(each <= hold.held for each in self.covers)
 
     def log_of(self, ends: Iterable[tuple[Hold, _End]]) -> float:
-        """Adds the labels of reruns to those known, one after another; returns the natural logarithm of their probability.
+        """Adds the labels of reruns to those known, one by one, and returns the natural logarithm of their probability.
 
         The probability is that of all together: each is judged by those before it.
         """
