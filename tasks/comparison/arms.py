@@ -26,7 +26,18 @@ from ...schemas.wire.common import counted
 from ..results.rates import share_of
 from .compared_runs import NightRun
 from .difference_test import JudgedTrials, rate_change
-from .pairing import BROKEN, FAILED, PASSED, CellPlace, Pair, TrialPairs, outcomes_of, pair_trials, place_beside
+from .pairing import (
+    BROKEN,
+    FAILED,
+    PASSED,
+    CellPlace,
+    Pair,
+    TrialPairs,
+    each_once,
+    outcomes_of,
+    pair_trials,
+    place_beside,
+)
 from .statistics.e_processes import fewest_worlds
 
 ALPHA = 0.05
@@ -180,7 +191,7 @@ class _Axis:
         clusters = np.array(joined(worlds), dtype=np.int64)
         trials = replace(trials, worlds=clusters[trials.jobs])
         is_fair = np.array([pair.has_same_requirements for pair in pairs], dtype=bool)
-        fair = self._each_once(trials.only(is_fair[trials.jobs]))
+        fair = each_once(trials.only(is_fair[trials.jobs]), self.states, self.states)
         here = [job for job in self.jobs if job.axes.get(self.name) in (baseline, value)]
         return _Arm(
             baseline,
@@ -195,23 +206,6 @@ class _Axis:
             rate=_rate(fair.only(fair.judged)),
             strict=_rate(fair.only(fair.told)),
         )
-
-    def _each_once(self, trials: TrialPairs) -> TrialPairs:
-        """Pairs without those that repeat another one of their world state by state.
-
-        They do where an axis beside this one changes nothing, which would double the evidence.
-        """
-        seen: set[tuple[int, str, str]] = set()
-        once: list[bool] = []
-        rows = (trials.worlds.tolist(), trials.before_rows.tolist(), trials.after_rows.tolist())
-        for world, old, new in zip(*rows, strict=True):
-            before, after = self.states[old], self.states[new]
-            if before is None or after is None:
-                once.append(True)
-                continue
-            once.append((world, before, after) not in seen)
-            seen.add((world, before, after))
-        return trials.only(np.array(once, dtype=bool))
 
     def _went_the_same_way(self, trials: TrialPairs) -> bool:
         """Whether both trials of each pair went through the same states; False where that is not known."""

@@ -25,7 +25,7 @@ from .difference_test import JudgedTrials, mean_change, needed_pairs, rate_chang
 from .early_stops import answer_while_running
 from .failure_starts import appearances_of, changed_nights, changed_versions
 from .losses import losses_of, told_losses
-from .pairing import ENDED, PASSED, Pair, Pairing, TrialPairs, pair_jobs, pair_trials
+from .pairing import ENDED, PASSED, Pair, Pairing, TrialPairs, each_once, pair_jobs, pair_trials
 from .requirement_changes import RequirementChanges, requirement_changes
 from .statistics.e_processes import fewest_worlds
 
@@ -62,13 +62,20 @@ def compare(
     """
     pairing = pair_jobs(before.jobs, after.jobs)
     trials = pair_trials(pairing.pairs, before, after)
-    is_fair, fair = _fair(pairing, trials)
+    is_fair, shared = _fair(pairing, trials)
+    fair = _each_once(shared)
     judged = _judged(fair.only(fair.judged), alpha)
     looked_at = answer_while_running(before, after, alpha, margin)
     rate = rate_change(judged, alpha, margin) if len(judged) and looked_at is None else None
     answer, why = looked_at or _answer(before, after, pairing, fair, judged, rate, alpha)
-    if looked_at is None and answer == "not worse" and (open_question := _depends_on_lost(judged, fair, alpha, margin)):
+    if (
+        looked_at is None
+        and answer == "not worse"
+        and (open_question := _depends_on_lost(judged, shared, alpha, margin))
+    ):
         answer, why = "not comparable", open_question
+    if rate is not None and (repeated := len(shared) - len(fair)):
+        why += f"; {counted(repeated, 'pair')} with the same states as another one count with that one"
     ended = np.array([pair.is_told for pair in pairing.pairs], dtype=bool)
     # The same as the run's report.
     versions = changed_versions(before, after)
@@ -108,7 +115,7 @@ def compare(
 def judged_pairs(before: NightRun, after: NightRun, alpha: float = 0.05) -> JudgedTrials:
     """Returns the pairs of trials that were judged in both of two runs, and by the same requirements."""
     pairing = pair_jobs(before.jobs, after.jobs)
-    _, fair = _fair(pairing, pair_trials(pairing.pairs, before, after))
+    fair = _each_once(_fair(pairing, pair_trials(pairing.pairs, before, after))[1])
     return _judged(fair.only(fair.judged), alpha)
 
 
@@ -116,6 +123,11 @@ def _fair(pairing: Pairing, trials: TrialPairs) -> tuple[NDArray[np.bool_], Tria
     """Returns a mask of the job pairs with the same requirements in both runs, and those jobs' trial pairs."""
     is_fair = np.array([pair.has_same_requirements for pair in pairing.pairs], dtype=bool)
     return is_fair, trials.only(is_fair[trials.jobs])
+
+
+def _each_once(trials: TrialPairs) -> TrialPairs:
+    before, after = (table.texts("state_digest") for table in (trials.before, trials.after))
+    return each_once(trials, before, after)
 
 
 def _told(pair: Pair, requirements: RequirementChanges) -> PairedJob:

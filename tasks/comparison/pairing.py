@@ -239,6 +239,31 @@ def pair_trials(
     return TrialPairs(before.results, after.results, *columns, has_worlds=any(worlds))
 
 
+def each_once(
+    trials: TrialPairs, before_states: Sequence[str | None], after_states: Sequence[str | None]
+) -> TrialPairs:
+    """Returns the pairs without those that repeat another one of their world, state by state.
+
+    They do where a seed or an axis changes nothing, and would count the same evidence again.
+
+    Args:
+        trials: The pairs.
+        before_states: Digest of all states of each row of the first table; None where it is not known.
+        after_states: The same of the second table.
+    """
+    seen: set[tuple[int, str, str]] = set()
+    once: list[bool] = []
+    rows = (trials.worlds.tolist(), trials.before_rows.tolist(), trials.after_rows.tolist())
+    for world, old, new in zip(*rows, strict=True):
+        before, after = before_states[old], after_states[new]
+        if before is None or after is None:
+            once.append(True)
+            continue
+        once.append((world, before, after) not in seen)
+        seen.add((world, before, after))
+    return trials.only(np.array(once, dtype=bool))
+
+
 def outcomes_of(table: ResultTable) -> NDArray[np.int8]:
     """Returns the outcome of each trial of a run, as codes such as `PASSED`."""
     codes, names = table.codes("outcome")

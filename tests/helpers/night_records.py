@@ -116,8 +116,8 @@ def store_night(record: RunRecord) -> Path:
 _OF_TRIALS: Mapping[str, Verdict] = {"P": "PASS", "F": "FAIL", "E": "ERROR", "N": "NONE"}
 
 
-def trials_of(letters: str, *, axes: Mapping[str, str] | None = None) -> pa.Table:
-    """The table of a job's trials, one a letter, with seeds from 100; each is judged by `gentle`."""
+def trials_of(letters: str, *, axes: Mapping[str, str] | None = None, states: str = "") -> pa.Table:
+    """The table of a job's trials, one a letter, with seeds from 100; `states` has a letter for the states of each."""
     rows = [
         TrialRow(
             trial=number,
@@ -126,6 +126,7 @@ def trials_of(letters: str, *, axes: Mapping[str, str] | None = None) -> pa.Tabl
             verdict=_OF_TRIALS[letter],
             requirements=make_job(0, letter).requirements,
             metrics={"distance_m": float(number)} if letter in "PF" else {},
+            state_digest=digest(states[number]) if states else None,
         )
         for number, letter in enumerate(letters)
     ]
@@ -136,7 +137,13 @@ def trials_of(letters: str, *, axes: Mapping[str, str] | None = None) -> pa.Tabl
 
 
 def make_trials_night(
-    trials: Sequence[str], night: int = 0, *, runs: Path, worlds: Sequence[str | None] | None = None, **more: Any
+    trials: Sequence[str],
+    night: int = 0,
+    *,
+    runs: Path,
+    worlds: Sequence[str | None] | None = None,
+    states: str = "",
+    **more: Any,
 ) -> RunRecord:
     """A stored run of jobs with trials: a text of letters for each job, and its world (else one of its own each)."""
     jobs = []
@@ -147,6 +154,6 @@ def make_trials_night(
         jobs.append(job.model_copy(update={"requirements": [own]}))
     record = make_night(jobs, night, runs=runs, **more)
     folder = store_night(record)
-    tables = {job.label: trials_of(letters) for job, letters in zip(jobs, trials, strict=True)}
+    tables = {job.label: trials_of(letters, states=states) for job, letters in zip(jobs, trials, strict=True)}
     ResultTable.of(jobs, lambda job: tables[job.label]).write(folder / RESULTS_FILE)
     return record

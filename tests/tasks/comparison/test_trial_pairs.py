@@ -26,6 +26,20 @@ def test_forty_trials_that_all_got_worse_in_one_world_are_worse_there(tmp_path: 
     assert found.why.endswith("in this world; other worlds were not tried")
 
 
+def test_pairs_that_repeat_another_one_state_by_state_count_once(tmp_path: Path) -> None:
+    """A seed or an axis that changes nothing would make any difference sure."""
+    copies = compared(["P" * 16], ["F" * 16], tmp_path / "copies", states="abcd" * 4)
+    assert copies.rate is not None
+    assert (copies.answer, copies.rate.pairs, copies.trials) == ("no difference shown", 4, 16)
+    assert copies.why.endswith("; 12 pairs with the same states as another one count with that one")
+    kept = compared(["P" * 16], ["P" * 16], tmp_path / "kept", states="abcdefghijklmnop", worlds=[None])
+    assert "same states" not in kept.why
+    # A repeated pair is none that the second run lost.
+    passing = [make_trials_night(["P" * 400], night, runs=tmp_path / "p", states="ab" * 200) for night in (0, 1)]
+    found = compare(*map(NightRun.of, passing), margin=0.9)
+    assert "have no verdict" not in found.why
+
+
 def test_jobs_without_a_world_have_no_other_worlds(tmp_path: Path) -> None:
     found = compared(["P" * 20], ["F" * 20], tmp_path, worlds=[None])
     assert (found.answer, found.rate and found.rate.worlds) == ("worse", 1)
