@@ -12,7 +12,7 @@ from ..results.table import ResultTable
 from .compared import compared, is_compared_with_failures
 from .evidence import AxisColumn, Evidence, evidence_of, varies
 from .groups import Group, groups_of
-from .lift import lift_of
+from .lift import Lift, lift_of
 from .plots import cell_plot, margin_plot
 from .regions import regions_of
 from .sensitivity import judged_margins, sensitivities, varying
@@ -60,7 +60,7 @@ def explain(results: ResultTable, *, refused: str = "", states: Sequence[str | N
     groups = [
         _reported(
             results, evidence, each, claims_about(each),
-            _too_few(len(evidence), tested[id(each)].count, fewest, can_tell)
+            _too_few(evidence, tested[id(each)], fewest, axes if can_tell else None)
             or ("" if claims_about(each) else _in_doubt(evidence, tested[id(each)], axes)),
         )
         for each in chosen
@@ -134,16 +134,42 @@ def _reported(results: ResultTable, evidence: Evidence, group: Group, claims: _C
     )
 
 
-def _too_few(trials: int, failures: int, fewest: int, can_tell: bool) -> str:
-    """Says why nothing could be claimed of a group of failures, and how many trials would do; empty if it could."""
-    if not can_tell:
+def _too_few(evidence: Evidence, group: Group, fewest: int, axes: Sequence[AxisColumn] | None) -> str:
+    """Says why nothing could be claimed of a group of failures, and how many trials would do; empty if it could.
+
+    The region that fits best is named, too, where its interval alone, without those of others, shows more failures.
+    """
+    trials, failures = len(evidence), group.count
+    if axes is None:
         return "no cause was looked for"
     if failures >= fewest:
         return ""
     needed = -(-trials * fewest // failures)
+    fit = _best_fit(evidence, group, axes)
+    may = f"; {_may_go_with(evidence, group, *fit)}" if fit is not None and fit[1].low > 1 else ""
     return (
         f"{failures} {'failure is' if failures == 1 else 'failures are'} too few to claim a cause; {fewest} would do, "
-        f"which at this rate takes {needed:,} trials instead of {trials:,}"
+        f"which at this rate takes {needed:,} trials instead of {trials:,}{may}"
+    )
+
+
+def _best_fit(evidence: Evidence, group: Group, axes: Sequence[AxisColumn]) -> tuple[str, Lift] | None:
+    """Returns the region of an axis that a group's failures go with most surely, in words; None: none is comparable."""
+    regions = [(region.words, region.mask(axis)) for axis in axes for region in regions_of(axis)]
+    lifts = [(words, lift) for words, mask in regions if (lift := lift_of(evidence, group, mask)) is not None]
+    return max(lifts, key=lambda item: item[1].low, default=None)
+
+
+def _is_relevant(lift: Lift) -> bool:
+    return lift.value >= _RELEVANT_LIFT or lift.inside - lift.outside >= _RELEVANT_RISE
+
+
+def _may_go_with(evidence: Evidence, group: Group, words: str, lift: Lift) -> str:
+    others = len(evidence) - int(group.at_risk.sum())
+    besides = f", without {others} that failed otherwise" if others else ""
+    return (
+        f"it may go with {words} ({lift.failed_inside} of {lift.trials_inside}, elsewhere {lift.failed_outside} of "
+        f"{lift.trials_outside}{besides})"
     )
 
 
@@ -155,20 +181,15 @@ def _in_doubt(evidence: Evidence, group: Group, axes: Sequence[AxisColumn]) -> s
     if not (group.at_risk & ~group.failed).any():
         return _nothing_to_compare(evidence, group)
     regions = [(region.words, region.mask(axis)) for axis in axes for region in regions_of(axis)]
-    lifts = [(words, lift) for words, mask in regions if (lift := lift_of(evidence, group, mask)) is not None]
-    if not lifts:
+    fit = _best_fit(evidence, group, axes)
+    if fit is None:
         return _bare_regions(group, regions) or ("too few trials to tell whether an axis explains it" if axes else "")
-    words, best = max(lifts, key=lambda item: item[1].low)
+    _, best = fit
     if best.high < _RELEVANT_LIFT and best.outside * (best.high - 1) < _RELEVANT_RISE:
         return _bare_regions(group, regions)
-    if best.value < _RELEVANT_LIFT and best.inside - best.outside < _RELEVANT_RISE:
+    if not _is_relevant(best):
         return _bare_regions(group, regions) or "too few trials to tell whether an axis explains it"
-    others = len(evidence) - int(group.at_risk.sum())
-    besides = f", without {others} that failed otherwise" if others else ""
-    return (
-        f"too few trials to tell: it may go with {words} ({best.failed_inside} of {best.trials_inside}, elsewhere "
-        f"{best.failed_outside} of {best.trials_outside}{besides})"
-    )
+    return f"too few trials to tell: {_may_go_with(evidence, group, *fit)}"
 
 
 def _bare_regions(group: Group, regions: Sequence[tuple[str, NDArray[np.bool_]]]) -> str:

@@ -111,7 +111,8 @@ def _import_longest(parts: list[str], path: Path | None) -> tuple[ModuleType, li
 
 def _missing_package(attribute: str, name: str, path: Path | None) -> str:
     if path is None:
-        return f"there is no installed package {name} (needed for {attribute})"
+        mend = "install it, or name its folder in PYTHONPATH"
+        return f"there is no installed package {name} (needed for {attribute}); {mend}"
     there = [module.name for module in pkgutil.iter_modules([str(path)])]
     found = _list(there) if there else "no Python package at all"
     return f"the bundle has no package {name} (needed for {attribute}){_near(name, there)}; it contains {found}"

@@ -61,7 +61,8 @@ def test_a_report_imports_no_prefect_and_a_comparison_no_catalog(tmp_path: Path)
     """Prefect's artifacts of a report, and its events, are for flow runs only."""
     home = tmp_path / "home"
     first, second = (make_night("", night, runs=home / "runs") for night in (0, 1))
-    store_night(first), store_night(second)
+    for night in (first, second):
+        store_night(night)
 
     lines = ["compare", first.run_id, second.run_id], ["report", first.run_id]
     compared, report = seen(*lines, codes=(7, 0), ROBOMAKER_HOME=str(home)).values()

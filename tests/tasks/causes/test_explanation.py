@@ -278,6 +278,10 @@ def test_too_few_failures_are_refused_with_what_would_do() -> None:
         "4 failures are too few to claim a cause; 10 would do, which at this rate takes 150 trials instead of 60"
     )
     assert why.groups[0].in_words == f"polite: 4 trials; {why.groups[0].refused}"
+    slip = [{"axes": {"slip": 0.6 * (number % 2)}, "seed": number // 2} for number in range(16)]
+    split = explain(table_of([{**row, "outcome": ("passed", "failed")[number % 2]} for number, row in enumerate(slip)]))
+    assert split is not None
+    assert split.groups[0].refused.endswith("it may go with slip ≥ 0.6 (8 of 8, elsewhere 0 of 8)")
 
 
 def two_speeds(slow: int, fast: int, others: int = 0) -> list[Row]:

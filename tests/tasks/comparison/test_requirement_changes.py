@@ -1,5 +1,7 @@
 """Changes of requirements name the code that changed; chance is named only where nothing did."""
 
+from typing import Any
+
 import pytest
 from helpers.night_records import make_job, make_night
 
@@ -18,7 +20,7 @@ from prefect_robomaker.tasks.reporting.nights.changes import requirement_in_word
         ({"robot": "robot 2", "request": "other"}, "the same, application scout and its request are not"),
     ],
 )
-def test_a_newly_missed_requirement_names_what_is_not_the_same(changed: dict[str, str], end: str) -> None:
+def test_a_newly_missed_requirement_names_what_is_not_the_same(changed: dict[str, Any], end: str) -> None:
     before, after = make_night([make_job(0, "P")]), make_night([make_job(0, "F", night=1, **changed)], 1)
     comparison = compare(NightRun.of(before), NightRun.of(after))
     [change] = comparison.requirements

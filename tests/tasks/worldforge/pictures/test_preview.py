@@ -131,7 +131,8 @@ def test_each_room_has_its_name_on_its_own_floor(flat: World, monkeypatch: pytes
     monkeypatch.setattr(preview, "with_labels", lambda lit, *_: lit)
     unlabelled = pixels(bare)
     paper = np.abs(labelled - unlabelled).max(axis=2) > 3
-    found, count = ndimage.label(ndimage.binary_closing(paper, iterations=2))
+    labels: Any = ndimage.label(ndimage.binary_closing(paper, iterations=2))
+    found, count = labels
     assert count == len(flat.floorplan.rooms)
     for place in ndimage.find_objects(found):
         # Letters are dark on paper, and the label lies on one floor: below it there is no white top of a wall.
