@@ -7,11 +7,12 @@ from collections.abc import Iterator
 
 from ...schemas.reports.causes import Why
 from ...schemas.reports.challenge import Challenge
+from ...schemas.reports.changes import SinceLastRun
 from ...schemas.reports.report import JobCase, ReportSummary, Share
 from . import outcomes
 from .causes import is_told
 from .console_pages import ConsolePages
-from .nights.changes import losses_in_words
+from .nights.changes import losses_in_words, requirement_in_words
 from .outcomes import Outcome
 
 _MOST_JOBS = 20
@@ -19,7 +20,7 @@ _MOST_JOBS = 20
 _MOST_REQUIREMENTS = 10
 _LONGEST = 200
 """Maximum number of characters of a reason, as GitHub accepts at most 65,536 characters in a comment."""
-_MOST_LOST = 5
+_MOST_NEWS = 5
 _MOST_COMPARED = 20
 """Comparisons that a comment has, as of jobs."""
 _MOST_GROUPS = 10
@@ -45,13 +46,22 @@ def markdown_report(summary: ReportSummary) -> str:
             if step.error
         ),
     ]
-    if summary.since_last and (lost := losses_in_words(summary.since_last, _MOST_LOST)):
-        parts.append("\n".join(f"- {_code(line)}" for line in lost))
+    if summary.since_last and (news := list(_news(summary.since_last))):
+        parts.append("\n".join(f"- {_code(line)}" for line in news))
     if summary.challenge is not None:
         parts += _challenge(summary.challenge)
     else:
         parts += _results(summary, pages)
     return "\n\n".join(parts) + "\n"
+
+
+def _news(since: SinceLastRun) -> Iterator[str]:
+    """Yields what is new since the last run: lost checks, requirements that changed, and jobs that newly fail."""
+    yield from losses_in_words(since, _MOST_NEWS)
+    yield from map(requirement_in_words, since.requirements[:_MOST_NEWS])
+    if failing := since.newly_failing:
+        more = f" and {len(failing) - _MOST_NEWS} more" if len(failing) > _MOST_NEWS else ""
+        yield f"newly failing: {', '.join(each.cell.title for each in failing[:_MOST_NEWS])}{more}"
 
 
 def _results(summary: ReportSummary, pages: ConsolePages) -> Iterator[str]:

@@ -4,6 +4,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 import pytest
+from helpers.night_records import make_job, make_night
 from hypothesis import given
 from hypothesis import strategies as st
 from lxml import html  # pyright: ignore[reportAttributeAccessIssue] - compiled, without types
@@ -19,6 +20,8 @@ from prefect_robomaker.schemas.reports.report import (
     ReportedJob,
     ReportedStep,
 )
+from prefect_robomaker.tasks.comparison.compared_runs import NightRun
+from prefect_robomaker.tasks.comparison.history import since_last_run
 from prefect_robomaker.tasks.reporting import markdown_report, summarize
 
 
@@ -53,6 +56,15 @@ def test_a_report_says_what_passed_and_why_the_rest_did_not(report: Report) -> N
     unrun = [job.model_copy(update={"files": []}) for job in report.jobs]
     text = markdown_report(summarize(report.model_copy(update={"jobs": unrun})))
     assert "robomaker repro" not in text, "there is nothing to repeat"
+
+
+def test_a_report_says_first_what_is_new_since_the_last_run(report: Report) -> None:
+    nights = [make_night([make_job(0, each, night=night, robot=each)], night) for night, each in enumerate("PF")]
+    since = since_last_run([NightRun.of(each) for each in nights])
+    text = markdown_report(summarize(report.model_copy(update={"since_last": since})))
+    told = [item.text_content().strip() for item in page(text).iterfind(".//li")]
+    missed = "gentle: newly missed in 1 of 1 trial; world and seed are the same, application scout is not"
+    assert told[:2] == [missed, f"newly failing: {since.newly_failing[0].cell.title}"]
 
 
 def test_links_lead_to_the_console_where_one_is_known(report: Report) -> None:
