@@ -93,6 +93,9 @@ class CellChange(Model):
     job: str = Field(description="Id of the job in the last run.")
     outcome: CaseOutcome = Field(description="Outcome of the job in the last run.")
     reason: str = Field(default="", description="Reason why the job does not pass.")
+    known: str = Field(
+        default="", description="Owner, last day and reason of its failure if that is known; else empty."
+    )
     since: FailureStart | None = optional("Run since which the job fails; absent: it passes.")
     newly_missed: list[str] = Field(
         default=[], description="Requirements that it met when it ran last, and misses now: another way of failing."

@@ -129,6 +129,7 @@ def _change(appearances: Sequence[Appearance], requirements: RequirementChanges)
         job=job.label,
         outcome=outcome_of(job).value,
         reason=reason_of(job),
+        known=job.known,
         since=failure_start(appearances),
         newly_missed=requirements.missed_by(job),
     )

@@ -185,7 +185,8 @@ def _changed(title: str, changes: Sequence[CellChange]) -> list[str]:
     shared = shared_since(changes)
     lines = [f"  {title} {len(changes)}", *([f"    {shared}"] if shared else [])]
     for change in changes[:_MOST_JOBS]:
-        lines.append(f"    {change.cell.title}" + (f": {change.reason}" if change.reason else ""))
+        known = f" (known, {change.known})" if change.known else ""
+        lines.append(f"    {change.cell.title}{known}" + (f": {change.reason}" if change.reason else ""))
         if change.since and not shared:
             lines.append(f"      {since_in_words(change.since)}")
     return lines + _more(len(changes))

@@ -182,7 +182,8 @@ def _in_one_line(reason: str) -> str:
     head, _, log = reason.strip().partition("\nLast lines of ")
     first = next(iter(head.splitlines()), "")
     last = log.splitlines()[-1].strip() if "\n" in log else ""
-    return f"{first}; its log ends with: {last}" if last and last not in first else first
+    is_said = last in first or first in last  # an error's line in a log begins with its class
+    return first if is_said else f"{first}; its log ends with: {last}"
 
 
 def _cut(text: str) -> str:

@@ -13,6 +13,7 @@ from prefect_robomaker.schemas.reports.history import History
 from prefect_robomaker.tasks.comparison.compared_runs import NightRun
 from prefect_robomaker.tasks.comparison.history import history_of, since_last_run
 from prefect_robomaker.tasks.notifications.notification_texts import message_of
+from prefect_robomaker.tasks.reporting import render_history
 
 
 def runs(*nights: Any, **members: Any) -> list[NightRun]:
@@ -167,3 +168,20 @@ def test_every_failing_job_says_since_when(letters: list[str]) -> None:
         if cell.since:
             assert results[-cell.since.nights :] == [False] * cell.since.nights
             assert (cell.since.last_passed_run_id is not None) == any(results)
+
+
+def test_a_known_failure_is_marked_in_what_changed_and_not_red() -> None:
+    nights = [make_night([make_job(0, "F", night=night)], night) for night in (0, 1)]
+    known = "anna until 2027-01-15: ticket 512"
+    told = [job.model_copy(update={"known": known}) for job in nights[1].jobs]
+    found = history_of(
+        "nightly", [NightRun.of(each) for each in (nights[0], nights[1].model_copy(update={"jobs": told}))]
+    )
+    assert [each.known for each in found.since_last.still_failing] == [known]
+    page = render_history(found, Path("runs"))
+    assert f"Known: {known}" in page
+    assert '<div class="change still">' in page
+    assert '<div class="change failed' not in page
+    assert any(
+        line.endswith(f"(known, {known}): gentle: 9 N, at most 5 N asked") for line in history_lines(found, Path())
+    )

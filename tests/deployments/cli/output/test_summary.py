@@ -103,6 +103,13 @@ def test_jobs_are_shown_by_name_with_the_id_beside() -> None:
     ]
 
 
+def test_what_the_last_line_of_a_log_repeats_is_said_once() -> None:
+    reason = "robot.yaml:7:13: no 'lef'"
+    log = f"{reason}\nLast lines of logs/stderr.log:\n  File x\nLaunchError: {reason}"
+    jobs = [record().jobs[1].model_copy(update={"failure_reason": log})]
+    assert next(line for line in lines(record(jobs=jobs)) if "robot.yaml" in line).endswith(f"Crash: {reason}")
+
+
 def test_a_run_that_was_forecast_says_how_far_off_that_was() -> None:
     check = ForecastCheck(made_at=datetime(2026, 1, 1, tzinfo=UTC), forecast_s=171.3, took_s=185.0)
     assert lines(record(forecast=check))[1:3] == [
