@@ -17,6 +17,6 @@ def test_what_decides_is_shown_by_reruns_with_and_without_it() -> None:
     assert str(found).splitlines()[:4] == [
         "driver: the verdict flips: FAIL in 1, PASS in 1 of 2 with the run itself",
         "  The order of hashes and addresses decides (96%).",
-        "  With PYTHONHASHSEED=0 and fixed addresses: PASS in 5 of 5.",
+        "  With one PYTHONHASHSEED and fixed addresses: PASS in 5 of 5.",
         "  Without, while others were held: FAIL in 2, PASS in 1 of 3, which went 3 different ways.",
     ]
