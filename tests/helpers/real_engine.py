@@ -21,7 +21,7 @@ _START_WITHIN_S = 200.0
 _STOP_WITHIN_S = 20.0
 _CALL_WITHIN_S = 200.0
 _STORAGE_DRIVERS = ("overlay2", "vfs")
-"""Of a daemon of the tests' own. The second works on every file system, and copies all files for each container."""
+"""Storage drivers of the tests' own daemon; the second works on every file system, but copies all files each time."""
 
 
 @dataclass(frozen=True)

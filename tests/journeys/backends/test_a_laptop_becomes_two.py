@@ -104,7 +104,7 @@ def entries(machine: Machine, folder: Path) -> list[str]:
 
 @pytest.fixture
 def checkout(laptop: Machine) -> Path:
-    """What the commands read of this repository, with a quickstart of two jobs: one for each machine."""
+    """Returns the part of this repository that commands read, with a quickstart of two jobs: one for each machine."""
     folder = laptop.home / "checkout" / "deployments"
     (folder / "specs").mkdir(parents=True)
     shutil.copy(REPOSITORY / "deployments" / "machines.env", folder)

@@ -64,7 +64,7 @@ def state_of(prefect_server: str) -> Callable[..., Any]:
 
 @pytest.fixture
 def cable(prefect_server: str) -> Iterator[TcpProxy]:
-    """What is between a test and the Prefect server: whoever goes through it sees a server that is silent, or dead."""
+    """Relay between a test and the Prefect server: whoever goes through it sees a server that is silent, or dead."""
     port = urlsplit(prefect_server).port
     assert port is not None
     proxy = TcpProxy(port)

@@ -376,7 +376,7 @@ def test_a_trial_that_could_not_fail_so_is_no_comparison(rows: list[Row]) -> Non
 
 
 def test_a_value_whose_trials_all_failed_otherwise_rules_nothing_out() -> None:
-    """Of the near trials half pass; none of the far ones does, so that `gentle` cannot be compared there."""
+    """Half of the near trials pass, and none of the far ones, so that `gentle` cannot be compared there."""
     rows = two_stops(gentle_is_judged=False)
     for row in rows:
         if row["axes"]["STOP"] == "near" and row["seed"] % 2:
