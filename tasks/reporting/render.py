@@ -32,7 +32,6 @@ from .nights.changes import (
     shared_since,
     since_in_words,
     trend_in_words,
-    value_change_in_words,
 )
 from .nights.comparison_view import ComparisonPage
 from .nights.history_view import view_history
@@ -264,6 +263,5 @@ def page_environment(*folders: Path) -> jinja2.Environment:
         trend=trend_in_words,
         parameters=values_in_words,
         value=value_in_words,
-        value_change=value_change_in_words,
     )
     return environment

@@ -48,7 +48,7 @@ class Timing:
     """Seconds between two polls for finished files by a job with rolling uploads."""
 
     store_pause_s: float = 1.0
-    """Seconds until the first retry after a store did not answer; later retries wait longer, see `patience.py`."""
+    """Seconds until the first retry after a store did not answer; later retries wait longer, see `store_retries.py`."""
 
     store_patience_s: float = 60.0 * DEFAULT_STORE_PATIENCE_MIN
     """Time for which a job waits for an object store that does not answer, in seconds."""

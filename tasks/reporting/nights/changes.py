@@ -26,19 +26,14 @@ def change_in_words(change: ChangedInput) -> str:
     if change.what in ("request", "requirements"):
         return f"its {change.what}"
     if change.what == "parameter":
-        return f"parameter {value_change_in_words(change)}"
+        before, after = ("none" if value is None else value or '""' for value in (change.before, change.after))
+        return f"parameter {change.name}: {before} → {after}"
     what = change.name if change.what == "version" else f"{change.what} {change.name}".rstrip()
     if change.before is None:
         return f"{what} {_short(change.after)} is new"
     if change.after is None:
         return f"{what} is gone"
     return f"{what} {_short(change.before)} → {_short(change.after)}"
-
-
-def value_change_in_words(change: ChangedInput) -> str:
-    """Describes a parameter whose value changed: `arm: a → b`; a missing one is `none`: `arm: none → b`."""
-    before, after = ("none" if value is None else value or '""' for value in (change.before, change.after))
-    return f"{change.name}: {before} → {after}"
 
 
 def since_in_words(since: FailureStart) -> str:
