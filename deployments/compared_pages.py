@@ -17,6 +17,7 @@ from ..schemas.wire.errors import ConfigurationError
 from ..tasks.comparison.compared_runs import NightRun, name_of
 from ..tasks.comparison.pairing import Pair, pair_jobs
 from ..tasks.comparison.side_by_side import StepAxis, by_change, has_changed, pair_cells, requirements_beside, was_run
+from ..tasks.files.whole_files import replaced
 from ..tasks.inspection.job_outputs import drive_of
 from ..tasks.reporting import ComparedSide, ComparisonPage, Drive, PairLine, PairPainter, change_in_words, outcomes
 from ..tasks.service.service import Service
@@ -188,15 +189,10 @@ class _Videos:
 
     def _copied(self, video: BinaryIO, name: str) -> str:
         path = self.folder / name
-        partial = path.with_name(f".{name}.{os.getpid()}.part")
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            try:
-                with partial.open("xb") as file:
-                    shutil.copyfileobj(video, file)
-                partial.replace(path)
-            finally:
-                partial.unlink(missing_ok=True)
+            with replaced(path) as part, part.open("xb") as file:
+                shutil.copyfileobj(video, file)
         except OSError as error:
             why = os.strerror(error.errno).lower() if error.errno else str(error)
             raise ConfigurationError(

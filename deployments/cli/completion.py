@@ -45,11 +45,11 @@ def _operations(**_: object) -> list[str]:
 
 
 def _runs(**_: object) -> list[str]:
+    from ...schemas.reports.names import newest_first
     from ...schemas.settings import Settings
 
     folder = Settings.from_environment(os.environ).home / "runs"
-    found = sorted(folder.glob("*/run.json"), key=lambda path: path.stat().st_mtime, reverse=True)
-    return ["latest", *(path.parent.name for path in found[:_MAX_RUNS])]
+    return ["latest", *(path.parent.name for path in newest_first(folder.glob("*/run.json"))[:_MAX_RUNS])]
 
 
 _COMPLETERS: dict[str, Completer] = {

@@ -17,6 +17,7 @@ from ...schemas.runs.provenance import PROVENANCE_FILE
 from ...schemas.wire.common import without_escapes
 from ...schemas.wire.globs import Glob
 from ...tasks.catalog import Resource
+from ...tasks.files.left_files import open_left
 from ...tasks.inspection.reports import report_of_job
 from ...tasks.jobs.job_owners import standing_of
 from ...tasks.reporting import view_report
@@ -25,7 +26,6 @@ from ...tasks.reporting.drawings.svg_writing import Frame
 from ...tasks.reporting.drawings.trajectory import finite_path
 from ...tasks.reporting.outcomes import times_by_part
 from ...tasks.reporting.report_view import Page
-from ...tasks.runtime.limits.left_files import open_left
 from ...tasks.simulations.outputs.upload_files import visit_matches
 from ..endpoint.origins import is_loopback
 from .files import published, send_file, tail_of

@@ -14,6 +14,7 @@ from starlette.responses import HTMLResponse, Response
 
 from ...schemas.reports.against import in_words
 from ...schemas.reports.changes import SinceLastRun
+from ...schemas.reports.names import newest_first
 from ...schemas.reports.run_record import JobRecord, RunRecord
 from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException
 from ...tasks.causes.stored import read_why
@@ -146,8 +147,7 @@ def names_of_seen(visit: Visit) -> list[str]:
 
 def _latest(visit: Visit, most: int) -> list[RunRecord]:
     paths = (visit.service.settings.home / "runs").glob(f"*/{RECORD_NAME}")
-    # The name of a run's folder ends with when it began.
-    newest = sorted(paths, key=lambda path: path.parent.name.rpartition("-")[2], reverse=True)[:_MOST_LOOKED_AT]
+    newest = newest_first(paths)[:_MOST_LOOKED_AT]
     records = (record for path in newest if (record := _read(path, path.stat().st_mtime_ns)) is not None)
     return list(islice((record for record in records if sees_run(visit, record)), most))
 

@@ -25,6 +25,7 @@ from urllib.parse import urlsplit
 
 from ...schemas.settings import Settings
 from ...schemas.wire.errors import ConfigurationError, RobomakerError
+from ...tasks.files.whole_files import write_whole
 from .outage import BUSY_PATIENCE_S, Health, health_of, wait_while_busy
 from .secret import auth_string, server_folder
 
@@ -190,9 +191,8 @@ def _start(settings: Settings, meanwhile: Callable[[str], None]) -> str:
         meanwhile(api_url)
         _wait_until_healthy(process, api_url, log)
         status = ServerStatus(running=True, api_url=api_url, pid=process.pid, log=str(log))
-        temporary = folder / "server.json.part"
-        temporary.write_text(json.dumps({name: value for name, value in asdict(status).items() if value}))
-        temporary.replace(_state_file(settings))
+        known = {name: value for name, value in asdict(status).items() if value}
+        write_whole(_state_file(settings), json.dumps(known))
     except BaseException:  # also Ctrl-C: without its state file the server would not be found again
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)

@@ -9,11 +9,13 @@ from pathlib import Path
 
 from pydantic import Field, ValidationError
 
+from ...schemas.reports.names import began
 from ...schemas.reports.progress import FINISHED, Note, ProgressEvent, StepEnded, StepProgress, StepStarted
 from ...schemas.reports.run_record import Order
 from ...schemas.runs.programs import IN_WORDS
 from ...schemas.wire.base import Model
 from ...schemas.wire.errors import ThrottlingException
+from ...tasks.files.whole_files import write_whole
 from ...tasks.nights.open_runs import CANCEL, LOCK, LOG, ORDER, OpenRun, has_broken_off, is_going, lock_of
 from ...tasks.nights.taking_up import CONTINUED, start_process
 
@@ -54,9 +56,7 @@ def read_standing(folder: Path) -> Standing | None:
 
 def write_standing(folder: Path, standing: Standing) -> None:
     """Writes the state of an ordered run into its folder, in a file that is replaced as a whole."""
-    part = folder / f".{STANDING}.part"
-    part.write_text(standing.model_dump_json(), encoding="utf-8")
-    part.replace(folder / STANDING)
+    write_whole(folder / STANDING, standing.model_dump_json())
 
 
 class StandingFile:
@@ -189,7 +189,7 @@ class SpecRuns:
 
     def going(self) -> list[str]:
         """Returns the ids of ordered runs that are running, newest first."""
-        return sorted(filter(self.is_going, self._open()), key=lambda name: name.rpartition("-")[2], reverse=True)
+        return sorted(filter(self.is_going, self._open()), key=began, reverse=True)
 
     def is_going(self, run_id: str) -> bool:
         """Whether the process of a run is alive."""

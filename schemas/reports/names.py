@@ -9,6 +9,7 @@ import unicodedata
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from difflib import get_close_matches
+from pathlib import Path
 from typing import Any, get_args
 
 from ..wire.arns import IdPrefix, ResourceArn
@@ -151,11 +152,24 @@ def specification_of(run_id: str) -> str:
     return run_id.rpartition("-")[0]
 
 
+def began(run_id: str) -> str:
+    """Returns the time when a run began, as its id ends with it: texts of times sort as the times do."""
+    return run_id.rpartition("-")[2]
+
+
+def newest_first(records: Iterable[Path]) -> list[Path]:
+    """Returns the paths of runs' records, the run that began last first, as the names of their folders tell.
+
+    Files are written anew, by a stop or a restored copy, so their own times do not tell.
+    """
+    return sorted(records, key=lambda path: began(path.parent.name), reverse=True)
+
+
 def runs_meant(wanted: str, run_ids: Sequence[str], is_probe: Callable[[str], bool]) -> list[str]:
     """Returns the ids of the runs that a text means: that one, the newest of a specification, or those that begin so.
 
     Args:
-        wanted: An id, the name of a specification, or the beginning of an id.
+        wanted: An id, the name of a specification, or the beginning of an id: the whole name, and some of the time.
         run_ids: Ids of all runs, the newest first.
         is_probe: Function that returns whether a run is the probe of a forecast, which a specification's name does not
             mean.
@@ -164,7 +178,10 @@ def runs_meant(wanted: str, run_ids: Sequence[str], is_probe: Callable[[str], bo
         return [wanted]
     of_name = (each for each in run_ids if specification_of(each) == wanted and not is_probe(each))
     newest = next(of_name, None)
-    return [newest] if newest else [each for each in run_ids if wanted and each.startswith(wanted)]
+    if newest:
+        return [newest]
+    # `night` must not mean the one run of `night-b`.
+    return [each for each in run_ids if each.startswith(wanted) and wanted.startswith(f"{specification_of(each)}-")]
 
 
 def is_id(text: str) -> bool:

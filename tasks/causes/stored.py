@@ -5,6 +5,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from ...schemas.reports.causes import Why
+from ..files.whole_files import write_whole
 
 WHY_FILE = "why.json"
 
@@ -23,9 +24,7 @@ def write_why(why: Why | None, folder: Path) -> None:
     if why is None:
         path.unlink(missing_ok=True)
         return
-    part = path.with_name(f"{WHY_FILE}.part")
-    part.write_text(why.model_dump_json(exclude_none=True), encoding="utf-8")
-    part.replace(path)
+    write_whole(path, why.model_dump_json(exclude_none=True))
 
 
 def read_why(folder: Path) -> Why | None:

@@ -21,6 +21,7 @@ from ...schemas.specs.batch_splitting import MOST_REQUESTS
 from ...schemas.specs.probe_requests import BATCH, GENERATION, JobAmount
 from ...schemas.specs.specification import CheckedSpec
 from ...schemas.specs.yaml_nodes import plain
+from ..files.whole_files import write_whole
 
 
 @dataclass(frozen=True)
@@ -238,10 +239,7 @@ def keep_forecast(forecast: Forecast, spec: CheckedSpec, settings: Settings) -> 
     """
     path = _place(spec, settings)
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_suffix(".part")
-    part.write_text(forecast.model_dump_json(indent=2, exclude_none=True))
-    part.replace(path)
-    return path
+    return write_whole(path, forecast.model_dump_json(indent=2, exclude_none=True))
 
 
 def find_forecast(spec: CheckedSpec, settings: Settings) -> Forecast | None:

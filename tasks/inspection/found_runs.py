@@ -20,9 +20,9 @@ from ...schemas.runs.trial_rows import TRIALS_FILE, TrialRow, TrialsSummary, pla
 from ...schemas.runs.trials import Trial
 from ...schemas.wire.errors import ConfigurationError, ObjectNotFoundError, StorageError
 from ..catalog import Resource
+from ..files.left_files import open_left
 from ..runtime.agents.action_log import ACTIONS_FILE
 from ..runtime.episode.run_results import RESULT_FILE
-from ..runtime.limits.left_files import open_left
 from ..runtime.replay.replay import RunOutputs, read_outputs
 from ..runtime.states.digest import DIGEST_FILE
 from ..runtime.trials.completion import read_row

@@ -15,6 +15,7 @@ from ...schemas.reports.run_record import RunRecord, SourceCommit
 from ...schemas.wire.errors import ConfigurationError
 from ..comparison.compared_runs import NightRun
 from ..comparison.history import since_last_good_run, since_last_run
+from ..files.whole_files import write_whole
 
 RECORD_NAME, ORDER_NAME = "run.json", "order.json"
 """File name of a run's record, and of the file that replaces it until the run has ended."""
@@ -50,10 +51,7 @@ def read_record(path: Path) -> RunRecord:
 
 def write_record(record: RunRecord) -> None:
     """Writes the record of a run into the run's folder, in a file that is replaced as a whole."""
-    path = record.run_dir / RECORD_NAME
-    part = path.with_name(f"{RECORD_NAME}.part")
-    part.write_text(record.model_dump_json(indent=2, exclude_none=True))
-    part.replace(path)
+    write_whole(record.run_dir / RECORD_NAME, record.model_dump_json(indent=2, exclude_none=True))
 
 
 def find_records(runs: Path, name: str, most: int = MOST_NIGHTS, before: datetime | None = None) -> FoundRecords:

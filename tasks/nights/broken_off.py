@@ -8,6 +8,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from ...schemas.reports.history import MissedNight
+from ...schemas.reports.names import began
 from ...schemas.reports.run_record import Order
 from ...schemas.settings import Settings
 from ..inspection.run_records import RECORD_NAME
@@ -83,7 +84,7 @@ def broken_off_runs(settings: Settings, now: datetime | None = None) -> list[Bro
     """
     folders = (path.parent for path in (settings.home / "runs").glob(f"*/{LOCK}"))
     found = [run for folder in folders if (run := broken_off(folder, settings, now)) is not None]
-    return sorted(found, key=lambda run: run.run_id.rpartition("-")[2])
+    return sorted(found, key=lambda run: began(run.run_id))
 
 
 def unfinished_nights(settings: Settings, name: str) -> list[MissedNight]:

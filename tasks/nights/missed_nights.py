@@ -17,6 +17,7 @@ from pydantic import ValidationError
 from ...schemas.reports.history import MissedNight, NightSchedule
 from ...schemas.reports.run_record import new_run_id
 from ...schemas.settings import Settings
+from ..files.whole_files import write_whole
 from ..notifications.notification_texts import Message
 from ..notifications.sending import send
 
@@ -106,10 +107,7 @@ def _known(home: Path, deployment: str) -> NightSchedule | None:
 
 def _write(home: Path, schedule: NightSchedule) -> None:
     """Writes the record of a schedule into the data home, in a file that is replaced as a whole."""
-    folder = home / _FOLDER
-    part = folder / f".{schedule.deployment}.part"
-    part.write_text(schedule.model_dump_json(indent=2))
-    part.replace(folder / f"{schedule.deployment}.json")
+    write_whole(home / _FOLDER / f"{schedule.deployment}.json", schedule.model_dump_json(indent=2))
 
 
 @contextmanager

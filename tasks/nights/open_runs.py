@@ -19,6 +19,7 @@ from pydantic import ValidationError
 from ...schemas.job_owners import JobOwner
 from ...schemas.reports.run_record import Interruption, Order
 from ..execution.leases.held_leases import new_owner
+from ..files.whole_files import write_whole
 from ..inspection.run_records import ORDER_NAME, RECORD_NAME
 from .kept_answers import ANSWERS
 
@@ -114,13 +115,8 @@ class OpenRun:
         one.
         """
         self.order = self.order.model_copy(update=members)
-        part = self.folder / f".{ORDER}.part"
         # The specification may hold secrets.
-        with os.fdopen(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w", encoding="utf-8") as file:
-            file.write(self.order.model_dump_json())
-            file.flush()
-            os.fsync(file.fileno())  # a machine that loses its power must not leave half of it
-        part.replace(self.folder / ORDER)
+        write_whole(self.folder / ORDER, self.order.model_dump_json(), 0o600, is_synced=True)
 
     def live(self) -> None:
         """Records regularly that this process is alive, until the run has ended.

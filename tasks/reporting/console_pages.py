@@ -14,6 +14,7 @@ from typing import NamedTuple
 from urllib.parse import quote, urlsplit
 
 from ...schemas.settings import Settings
+from ..files.whole_files import write_whole
 
 _NOTE = "console.json"
 _PATIENCE_S = 0.3
@@ -52,9 +53,7 @@ def pages_elsewhere(settings: Settings) -> ConsolePages:
 
 def note_console(home: Path, url: str) -> None:
     """Stores the URL of this process's console in the data home, in place of any other one."""
-    part = home / f".{_NOTE}.{os.getpid()}.part"
-    part.write_text(json.dumps({"url": url, "pid": os.getpid()}))
-    part.replace(home / _NOTE)
+    write_whole(home / _NOTE, json.dumps({"url": url, "pid": os.getpid()}))
 
 
 def forget_console(home: Path) -> None:

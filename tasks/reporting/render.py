@@ -2,10 +2,8 @@
 
 import base64
 import hashlib
-import os
 import re
 import sys
-import threading
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import cache
@@ -21,6 +19,7 @@ from ...schemas.reports.history import History
 from ...schemas.reports.report import Report
 from ...schemas.specs.parameter_values import value_in_words, values_in_words
 from ...schemas.wings import parts_of_wings
+from ..files.whole_files import write_whole
 from ..results.table import ResultTable
 from . import outcomes
 from .nights.changes import (
@@ -143,14 +142,8 @@ def write_history(history: History, path: Path) -> Path:
 def write_page(page: str, path: Path) -> Path:
     """Writes an HTML page to a file, which is replaced as a whole; creates its folder, and returns its path."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        # Logs may hold bytes that are no text; those become question marks.
-        partial.write_text(page, encoding="utf-8", errors="replace")
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
-    return path
+    # Logs may hold bytes that are no text; those become question marks.
+    return write_whole(path, page.encode(errors="replace"))
 
 
 @cache
@@ -209,12 +202,7 @@ class _CompiledTemplates(jinja2.BytecodeCache):
         code, path = bucket.bytecode_to_string(), self._path(bucket)
         with suppress(OSError):  # somebody else's folder, a read-only or full disk
             self._folder.mkdir(parents=True, exist_ok=True)
-            partial = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}.part")
-            try:
-                partial.write_bytes(hashlib.sha256(code).digest() + code)
-                partial.replace(path)
-            finally:
-                partial.unlink(missing_ok=True)
+            write_whole(path, hashlib.sha256(code).digest() + code)
 
     def _path(self, bucket: Bucket) -> Path:
         # Another release of Jinja, and other options, may compile the same template otherwise.

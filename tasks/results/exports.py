@@ -3,12 +3,12 @@
 import errno
 import os
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from ...schemas.wire.errors import ConfigurationError
+from ..files.whole_files import replaced
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -61,10 +61,5 @@ def export_table(table: "pa.Table", path: Path) -> None:
     target = Path(os.path.realpath(path))  # unlike `resolve`, it does not raise where links lead in a circle
     if target.is_symlink():
         raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path))
-    part = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
+    with replaced(target) as part:
         WRITERS[path.suffix.lower()](table, part)
-        part.replace(target)
-    finally:
-        with suppress(OSError):  # a folder that takes no file says so above
-            part.unlink()

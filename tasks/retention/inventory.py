@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from ...schemas.documents.kinds import DOCUMENTS
 from ...schemas.documents.simulation_jobs import ReusedFrom, SimulationJobDocument
 from ...schemas.lifecycles import is_terminal
+from ...schemas.reports.names import began
 from ...schemas.reports.run_record import RunRecord
 from ..catalog import Resource
 from ..service.service import Service
@@ -196,7 +197,7 @@ def _unrecorded(folder: Path, service: Service) -> Unit:
 def _begun(run: Unit) -> datetime:
     """Returns the time at which a run without a record began, from its folder's name, or else an early guess."""
     try:
-        return datetime.strptime(run.candidate.id.rpartition("-")[2] + "000", "%Y%m%dT%H%M%S%f").replace(tzinfo=UTC)
+        return datetime.strptime(began(run.candidate.id) + "000", "%Y%m%dT%H%M%S%f").replace(tzinfo=UTC)
     except ValueError:
         return run.candidate.ended_at - _UNRECORDED_FOR
 

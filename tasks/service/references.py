@@ -16,6 +16,7 @@ from ...schemas.reports.names import (
     job_name,
     meant,
     near_names,
+    newest_first,
     runs_meant,
     world_name,
 )
@@ -265,11 +266,11 @@ def _record_of(run: str, service: Service) -> RunRecord | None:
     Returns `None` if there is none or it cannot be read. Raises `ConfigurationError` if the beginning fits several
     runs.
     """
-    paths = sorted((service.settings.home / "runs").glob("*/run.json"), key=lambda path: path.stat().st_mtime)
+    paths = newest_first((service.settings.home / "runs").glob("*/run.json"))
     if run == _LATEST:
-        records = filter(None, map(_read, reversed(paths)))
+        records = filter(None, map(_read, paths))
         return next((record for record in records if not record.probe), None)
-    named = {path.parent.name: path for path in reversed(paths)}
+    named = {path.parent.name: path for path in paths}
     found = runs_meant(run, list(named), lambda name: getattr(_read(named[name]), "probe", False))
     if len(found) > 1:
         raise ConfigurationError(ambiguous(run, "runs", found))

@@ -6,12 +6,12 @@ import shutil
 import tarfile
 import tempfile
 from pathlib import Path
-from uuid import uuid4
 
 from ...schemas.wire.errors import BundleError
 from ..bundles.archive_members import ArchiveError
 from ..bundles.extraction import ArchiveLimits, extract
-from .untrusted_folders import open_regular, os_failures, regular_files
+from ..files.untrusted_folders import open_regular, os_failures, regular_files
+from ..files.whole_files import replaced
 
 
 def unpack(archive: Path, folder: Path, *, limits: ArchiveLimits | None = None) -> None:
@@ -54,21 +54,17 @@ def pack_tar_gz(folder: Path, path: Path) -> None:
         StorageError: A file is a symbolic link or the like, or cannot be read; the disk is full.
     """
     files = regular_files(folder)
-    temporary = path.with_name(f".{uuid4().hex}.part")
-    with os_failures(f"pack {folder} into {path}"):
-        try:
-            with (
-                temporary.open("xb") as target,
-                gzip.GzipFile(filename="", mode="wb", fileobj=target, mtime=0, compresslevel=6) as zipped,
-                tarfile.open(fileobj=zipped, mode="w", format=tarfile.PAX_FORMAT) as container,
-            ):
-                for file in files:
-                    with open_regular(file.path) as content:
-                        found = os.fstat(content.fileno())
-                        info = tarfile.TarInfo(file.name)
-                        info.size = found.st_size
-                        info.mode = 0o755 if found.st_mode & 0o100 else 0o644
-                        container.addfile(info, content)
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
+    with (
+        os_failures(f"pack {folder} into {path}"),
+        replaced(path) as part,
+        part.open("xb") as target,
+        gzip.GzipFile(filename="", mode="wb", fileobj=target, mtime=0, compresslevel=6) as zipped,
+        tarfile.open(fileobj=zipped, mode="w", format=tarfile.PAX_FORMAT) as container,
+    ):
+        for file in files:
+            with open_regular(file.path) as content:
+                found = os.fstat(content.fileno())
+                info = tarfile.TarInfo(file.name)
+                info.size = found.st_size
+                info.mode = 0o755 if found.st_mode & 0o100 else 0o644
+                container.addfile(info, content)

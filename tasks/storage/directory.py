@@ -23,6 +23,8 @@ from ...schemas.wire.errors import (
     StorageAccessDeniedError,
     StorageError,
 )
+from ..files.untrusted_folders import open_regular, os_failures
+from ..files.whole_files import replaced
 from .checksums import copy_with_holes, etag_of, store_etag
 from .object_store import (
     ObjectInfo,
@@ -37,7 +39,6 @@ from .object_store import (
     refuse_stopped,
     tell_none,
 )
-from .untrusted_folders import open_regular, os_failures
 
 _ABANDONED_AFTER_S = 86_400.0
 _RACES = 20
@@ -150,14 +151,13 @@ class DirectoryStore:
         Raises `ObjectNotFoundError` if there is no such object, and `StorageError` if the file cannot be written. An
         earlier file is replaced; no part of a new one remains after an error.
         """
-        temporary = path.with_name(f".{uuid4().hex}.part")
-        with self._opened(bucket, key) as (source, info), os_failures(f"fetch {bucket}/{key} into {path}"):
-            try:
-                with temporary.open("xb") as target:
-                    copy_with_holes(source.fileno(), target)
-                temporary.replace(path)
-            finally:
-                temporary.unlink(missing_ok=True)
+        with (
+            self._opened(bucket, key) as (source, info),
+            os_failures(f"fetch {bucket}/{key} into {path}"),
+            replaced(path) as part,
+            part.open("xb") as target,
+        ):
+            copy_with_holes(source.fileno(), target)
             return info
 
     def get_bytes(self, bucket: str, key: str) -> bytes:

@@ -22,9 +22,9 @@ from ...schemas.wire.errors import (
     StorageError,
     TransferStoppedError,
 )
+from ..files.untrusted_folders import FolderFile, open_regular, os_failures, version_of
 from .checksums import digest_of
 from .object_store import ObjectInfo, ObjectStore, Stopped, Tell, check_key, join_key, never, run_all, tell_none
-from .untrusted_folders import FolderFile, open_regular, os_failures, version_of
 
 MANIFEST_NAME = "manifest.json"
 

@@ -16,11 +16,11 @@ from ...schemas.worlds.description import DESCRIPTION_FILE
 from ..catalog import Resource
 from ..execution.prefect_events import tell_of_world
 from ..execution.task_pool import RunStep
+from ..files.untrusted_folders import regular_files
 from ..service.service import Service
 from ..service.store_retries import at_once, patiently
 from ..simulations.outputs.output_places import prepare_bucket
 from ..storage import publish
-from ..storage.untrusted_folders import regular_files
 from ..worldforge.seeds import GENERATOR_VERSION, seeds_for
 from .builders import WorldBuilders
 from .stored_bundles import BUNDLE_LABEL, bundle_held, bundle_label

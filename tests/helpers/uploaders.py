@@ -63,9 +63,9 @@ def published(target: Target) -> Callable[[], object]:
     """What this project does with a job's outputs: their SHA-256, `put_files`, and the manifest."""
     from datetime import UTC, datetime
 
+    from prefect_robomaker.tasks.files.untrusted_folders import regular_files
     from prefect_robomaker.tasks.storage import publish
     from prefect_robomaker.tasks.storage.s3 import S3Store
-    from prefect_robomaker.tasks.storage.untrusted_folders import regular_files
 
     store, files = S3Store(target.endpoint, REGION), list(regular_files(target.folder))
     now = datetime.now(UTC)

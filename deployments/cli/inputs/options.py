@@ -153,14 +153,14 @@ def find_record(runs: Path, run: str) -> Path:
     """
     if "/" in run and (record := Path(run) / "run.json").is_file():
         return record
-    records = sorted(runs.glob("*/run.json"), key=lambda path: path.stat().st_mtime)
+    from ....schemas.reports.names import ambiguous, near_names, newest_first, runs_meant
+
+    records = newest_first(runs.glob("*/run.json"))
     if not records:
         raise ConfigurationError(f"there are no runs in {runs} yet; `robomaker run SPEC` makes one")
     if run == "latest":
-        return next((record for record in reversed(records) if not _is_probe(record)), records[-1])
-    names = [path.parent.name for path in reversed(records)]
-    from ....schemas.reports.names import ambiguous, near_names, runs_meant
-
+        return next((record for record in records if not _is_probe(record)), records[0])
+    names = [path.parent.name for path in records]
     found = runs_meant(run, names, lambda name: _is_probe(runs / name / "run.json"))
     if len(found) == 1:
         return runs / found[0] / "run.json"
@@ -186,9 +186,9 @@ def find_run(runs: Path, run: str) -> Path:
     unfinished = {path.parent.name: path.parent for path in runs.glob("*/order.json")}
     if run in unfinished:
         return unfinished[run]
-    from ....schemas.reports.names import specification_of
+    from ....schemas.reports.names import began, specification_of
 
-    newest = max((each for each in unfinished if run in ("latest", specification_of(each))), key=_began, default="")
+    newest = max((each for each in unfinished if run in ("latest", specification_of(each))), key=began, default="")
     try:
         ended = find_record(runs, run).parent
     except ConfigurationError:
@@ -197,12 +197,7 @@ def find_run(runs: Path, run: str) -> Path:
         raise
     # A specification's name also begins the names of others: what goes on under the name itself is meant before those.
     is_others = run != "latest" and specification_of(ended.name) != run
-    return unfinished[newest] if newest and (is_others or _began(newest) > _began(ended.name)) else ended
-
-
-def _began(run_id: str) -> str:
-    """Returns the time when a run began, as its id says it."""
-    return run_id.rpartition("-")[2]
+    return unfinished[newest] if newest and (is_others or began(newest) > began(ended.name)) else ended
 
 
 def _is_probe(record: Path) -> bool:

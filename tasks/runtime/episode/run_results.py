@@ -17,7 +17,7 @@ from ....schemas.runs.requirement_kinds.kind import NOT_READ
 from ....schemas.runs.requirement_kinds.off import NOT_THERE
 from ....schemas.wire.base import Model
 from ....schemas.wire.request_problems import nearest
-from ..limits.left_files import write_whole
+from ...files.left_files import write_anew
 from .verdicts import Parts, decide_verdict
 
 OWN_VERDICT = "verdict_without_topics"
@@ -350,7 +350,7 @@ def write_result(result: RunResult, output_dir: Path) -> Path:
     except PydanticSerializationError as error:
         raise TypeError(f"the result cannot be written as JSON: {error}") from error
     path = output_dir / RESULT_FILE
-    write_whole(path, text.encode() + b"\n")
+    write_anew(path, text.encode() + b"\n")
     return path
 
 

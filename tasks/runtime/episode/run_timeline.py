@@ -10,7 +10,7 @@ from typing import Literal
 from pydantic import Field, FiniteFloat, ValidationError
 
 from ....schemas.wire.base import Model, optional
-from ..limits.left_files import read_left, write_whole
+from ...files.left_files import read_left, write_anew
 
 TIMELINE_FILE = "timeline.json"
 MAX_TIMELINE_BYTES = 4 * 1024 * 1024
@@ -76,7 +76,7 @@ def write_timeline(timeline: RunTimeline, output_dir: Path) -> None:
     Raises:
         OSError: The folder cannot be written.
     """
-    write_whole(output_dir / TIMELINE_FILE, timeline.model_dump_json(exclude_none=True).encode() + b"\n")
+    write_anew(output_dir / TIMELINE_FILE, timeline.model_dump_json(exclude_none=True).encode() + b"\n")
 
 
 def add_videos(videos: Mapping[str, FilmTimes], output_dir: Path) -> None:

@@ -29,7 +29,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Schema
 
-from ..limits.left_files import open_left, unfinished_of, write_whole
+from ...files.left_files import open_left, unfinished_of, write_anew
 from ..limits.processes import die_with_parent
 from ..recording.companions import LAYOUT_FILE, METADATA_FILE, RecordedTopic, layout, metadata, offer_in
 from ..recording.mcap_file import McapFile, Unbuffered
@@ -221,9 +221,9 @@ def join(folder: Path, names: Sequence[str]) -> dict[str, Any]:
         topics, start_ns, end_ns = target.close()
         if added:
             unfinished.replace(own)
-            write_whole(folder / METADATA_FILE, metadata(own.name, topics, start_ns, end_ns).encode())
+            write_anew(folder / METADATA_FILE, metadata(own.name, topics, start_ns, end_ns).encode())
             shown = layout({topic.name: topic.type for topic in topics})
-            write_whole(folder / LAYOUT_FILE, json.dumps(shown, indent=2).encode() + b"\n")
+            write_anew(folder / LAYOUT_FILE, json.dumps(shown, indent=2).encode() + b"\n")
     finally:
         unfinished.unlink(missing_ok=True)
     for path in others:

@@ -21,7 +21,7 @@ from pathlib import Path
 from types import FrameType
 from typing import NamedTuple
 
-from ..limits.left_files import write_whole
+from ...files.left_files import write_anew
 from ..limits.processes import die_with_parent
 from ..recording.companions import Offer, channel_metadata
 from ..recording.mcap_file import McapFile, Unbuffered
@@ -385,7 +385,7 @@ class TopicRecorder:
         if report == self._said:
             return
         self._said = report
-        write_whole(report_path(self._path), report.model_dump_json().encode())
+        write_anew(report_path(self._path), report.model_dump_json().encode())
 
 
 def _offer(found: Announced) -> Offer:

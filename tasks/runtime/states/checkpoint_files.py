@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError
 
 from ....schemas.runs.plan import RunPlan
 from ....schemas.wire.base import Model
-from ..limits.left_files import read_left, write_whole
+from ...files.left_files import read_left, write_anew
 
 PLAN_FILE = "plan.json"
 REASON_FILE = "not-resumable.txt"
@@ -108,7 +108,7 @@ def begin_checkpoints(folder: Path, plan: RunPlan) -> int:
     """
     folder.mkdir(parents=True, exist_ok=True)
     lock = take_lock(folder / LOCK_FILE)
-    write_whole(folder / PLAN_FILE, plan.model_dump_json().encode())
+    write_anew(folder / PLAN_FILE, plan.model_dump_json().encode())
     return lock
 
 
@@ -136,7 +136,7 @@ def write_checkpoint(
         payload_crc32=zlib.crc32(payload),
     )
     path = folder / _PATTERN.replace("*", f"{number:08d}")
-    write_whole(path, header.model_dump_json().encode() + b"\n", payload)
+    write_anew(path, header.model_dump_json().encode() + b"\n", payload)
     for old in checkpoints_in(folder)[:-KEPT]:
         old.unlink()
 

@@ -17,10 +17,10 @@ import mujoco
 import numpy as np
 
 from ....schemas.runs.plan import RunPlan
+from ...files.left_files import write_anew
 from ..episode.physics import raw_physics
 from ..episode.progress import program_in_words
 from ..episode.run_results import Observer
-from ..limits.left_files import write_whole
 from .checkpoint_files import (
     REASON_FILE,
     CheckpointError,
@@ -85,7 +85,7 @@ class KeptPhysics:
         self._common = whole[: place + len(content)] if place >= 0 else b""
         self._name = _model_file(self._common) if self._common else ""
         if self._name:
-            write_whole(self._folder / self._name, self._common)
+            write_anew(self._folder / self._name, self._common)
 
 
 def _model_file(content: bytes) -> str:
@@ -199,7 +199,7 @@ class Checkpointer:
     def give_up(self, reason: str) -> None:
         """Stops writing checkpoints for the rest of the run, and writes the reason to a file."""
         self._next_time_s = float("inf")
-        write_whole(self._folder / REASON_FILE, reason.encode())
+        write_anew(self._folder / REASON_FILE, reason.encode())
 
     def due(self, time_s: float) -> bool:
         """Returns whether it is time for a checkpoint at a simulated time."""

@@ -19,9 +19,9 @@ import mujoco
 from ....schemas.runs.plan import ApplicationPlan, RunPlan
 from ....schemas.runs.provenance import PROVENANCE_FILE, ActionsSummary, ApplicationDigest, MachineFacts, Provenance
 from ....schemas.runs.variables import without_secrets
+from ...files.left_files import write_anew
 from ..episode.physics import raw_physics
 from ..episode.run_results import Findings, Observer
-from ..limits.left_files import write_whole
 from .digest import DIGEST_FILE, LOOK_EVERY_S, StateDigest
 from .imported_code import digest_of_folder, imported_code
 
@@ -168,7 +168,7 @@ def machine_facts() -> MachineFacts:
 
 def _write_provenance(plan: RunPlan, **members: Any) -> None:
     provenance = Provenance(plan=without_secrets(plan), machine=machine_facts(), **members)
-    write_whole(plan.output_dir / PROVENANCE_FILE, provenance.model_dump_json(indent=1).encode() + b"\n")
+    write_anew(plan.output_dir / PROVENANCE_FILE, provenance.model_dump_json(indent=1).encode() + b"\n")
 
 
 def _digests_of(applications: Sequence[ApplicationPlan]) -> list[ApplicationDigest]:

@@ -21,9 +21,9 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
+from ...files.left_files import write_all
 from ..episode.physics import raw_physics
 from ..episode.run_results import Findings, Observer
-from ..limits.left_files import write_all
 
 ABOUT_FILE = "about.json"
 STATES_FILE = "states.log"

@@ -15,11 +15,11 @@ from pydantic import ValidationError
 from ....schemas.runs.plan import Requirement, RunPlan, RunResult, Verdict
 from ....schemas.runs.programs import RunStop, ToolEnds
 from ....schemas.runs.requirements import JobRequirement
+from ...files.left_files import read_left
 from ..agents.agent_socket import remove_agent_socket
 from ..episode.progress import unanswered
 from ..episode.run_results import MAX_RESULT_BYTES, OWN_VERDICT, RESULT_FILE, never_answered, versions, write_result
 from ..episode.verdicts import Parts, decide_verdict
-from ..limits.left_files import read_left
 from ..limits.logs import add_note
 from ..trials.completion import complete_after_all
 from .run_outcomes import OFTEN, Exit, Outcome, failure_reason, tool_in_words

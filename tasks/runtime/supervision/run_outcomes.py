@@ -9,9 +9,9 @@ from typing import Any, Literal
 from ....schemas.runs.plan import ApplicationRole, RunPlan
 from ....schemas.runs.programs import RunStop, ToolEnds
 from ....schemas.wire.common import without_escapes
+from ...files.left_files import files_below
 from ..episode.progress import Phase
 from ..limits.disk_use import disk_meter
-from ..limits.left_files import files_below
 
 MAX_REASON_CHARACTERS = 1024
 _MAX_HEAD_CHARACTERS = 600

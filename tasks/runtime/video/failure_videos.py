@@ -12,8 +12,8 @@ from pathlib import Path
 
 from ....schemas.runs.plan import RunOutcome, RunPlan
 from ....schemas.wire.errors import LaunchError
+from ...files.left_files import read_left, unfinished_of
 from ..episode.run_results import MAX_RESULT_BYTES, RESULT_FILE
-from ..limits.left_files import read_left, unfinished_of
 from ..limits.logs import add_note
 from ..rendering.backends import best_video_backend
 from .video_settings import CLIP_FILE, STATE_LOG_FOLDER, VIDEO_FILE, VideoRequest, settings_of

@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 from PIL import Image as PillowImage
 
 from ....schemas.runs.plan import RunPlan
+from ...files.left_files import write_anew
 from ..episode.physics import raw_physics
 from ..episode.run_results import Findings, Observer
-from ..limits.left_files import write_whole
 from ..rendering.views import BOTH, FOLLOW, MODEL_BORROWED, TOP, awake, work_out_places
 from .video import RAYS, ViewRenderer
 from .video_settings import LIVE_VIEW_FILE, VideoSettings
@@ -232,7 +232,7 @@ class LiveView(Observer):
             return
         self.url = f"http://{_ADDRESS}:{server.server_address[1]}/"
         threading.Thread(target=server.serve, name="live view server", daemon=True).start()
-        write_whole(self._file, json.dumps({"url": self.url, "pid": os.getpid()}).encode())
+        write_anew(self._file, json.dumps({"url": self.url, "pid": os.getpid()}).encode())
         sys.stdout.write(f"Live view: {self.url}\n")
 
     def watch(self, environment: Any, time_s: float) -> None:

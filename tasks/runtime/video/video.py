@@ -14,10 +14,10 @@ import mujoco
 from PIL import Image as PillowImage
 
 from ....schemas.worlds.appearance import appearance_named
+from ...files.left_files import unfinished_of
 from ..episode.physics import raw_physics
 from ..episode.run_results import Findings, Observer
 from ..episode.run_timeline import FilmTimes
-from ..limits.left_files import unfinished_of
 from ..rendering.cameras import Camera, Depths, GlCamera, Image
 from ..rendering.ray_camera import RayCamera
 from ..rendering.views import CameraNameError, View, choose_views

@@ -8,10 +8,10 @@ from contextlib import contextmanager
 from pathlib import Path, PurePath
 from typing import Any
 from urllib.parse import urlsplit
-from uuid import uuid4
 
 from ....schemas.settings import Settings
 from ....schemas.wire.errors import LaunchError, RobomakerError, StorageAccessDeniedError
+from ...files.whole_files import write_whole
 from ...service.service import Service
 from ...storage.roles import Keys
 from .aws_endpoints import DATA_VARIABLE, container_data_path, endpoint_variables, store_server
@@ -173,9 +173,7 @@ def _s3cfg(endpoint: str, region: str, keys: Keys | None) -> str:
 def _write(path: Path, text: str) -> None:
     """Writes text to a file atomically, as a program may be reading it; creates its folder if necessary."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{uuid4().hex}.part")
-    temporary.write_text(text, encoding="utf-8")
-    temporary.replace(path)
+    write_whole(path, text)
 
 
 EVERY_S = 60.0

@@ -17,10 +17,10 @@ from types import TracebackType
 
 from ....schemas.runs.provenance import ManifestFile
 from ....schemas.wire.errors import StorageError, TransferStoppedError
+from ...files.untrusted_folders import regular_files
 from ...storage import ObjectStore
 from ...storage.checksums import digest_of
 from ...storage.object_store import check_key, join_key
-from ...storage.untrusted_folders import regular_files
 from .storable_files import Room
 from .upload_files import Upload, take, visit_matches
 

@@ -18,11 +18,11 @@ from ....schemas.wire.errors import (
     StorageError,
 )
 from ...catalog import Resource
+from ...files.untrusted_folders import FolderFile, regular_files
 from ...runtime.supervision.finished_outputs import add_result_notes
 from ...service.service import Service
 from ...storage import MANIFEST_NAME, publish, read_manifest, store_unfinished
 from ...storage.object_store import Stopped, check_key, join_key, never
-from ...storage.untrusted_folders import FolderFile, regular_files
 from ..environment.role_access import acting_service, role_of
 from .output_places import keep_new_bucket, notes_of, output_place, prepare_bucket
 from .rolling_uploads import RollingUploads, rolled_files, rolling_only, taken_files

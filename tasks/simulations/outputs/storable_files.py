@@ -14,9 +14,9 @@ from ....schemas.runs.trial_rows import TRIALS_FILE
 from ....schemas.settings import Settings
 from ....schemas.wire.common import shorten
 from ....schemas.wire.errors import StorageError, TransferStoppedError
+from ...files.untrusted_folders import FolderFile, files_told, os_failures
 from ...storage import MANIFEST_NAME
 from ...storage.object_store import Stopped, check_key, join_key, never
-from ...storage.untrusted_folders import FolderFile, files_told, os_failures
 
 RESULT_FILE = "result.json"
 _MOST_NAMED = 1000

@@ -2,19 +2,18 @@
 
 import hashlib
 import json
-import os
 import re
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from secrets import token_urlsafe
 from typing import Any, Protocol, TypeVar
 from urllib.parse import urlsplit
-from uuid import uuid4
 
 from ....schemas.extras import how_to_install
 from ....schemas.roles import Role
 from ....schemas.settings import Settings
 from ....schemas.wire.errors import ConfigurationError, StorageAccessDeniedError, StorageError, StorageUnavailableError
+from ...files.whole_files import write_whole
 from ..configured_store import own_session, s3_endpoint
 from ..object_store import ObjectStore
 from .roles_file import buckets_of, parse_roles, policy_of, read_roles_file
@@ -175,13 +174,7 @@ def write_keys(path: Path, index: int, access_key_id: str, secret_access_key: st
     after = text[: headers[index].end()] + lines + text[headers[index].end() :] if len(headers) == len(before) else ""
     if not after or list(parse_roles(after, str(path))) != wanted:
         raise ConfigurationError(f"roles file '{path}': keys can be added to roles below a line [[role]] each")
-    temporary = path.with_name(f".{uuid4().hex}.part")
-    descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    with os.fdopen(descriptor, "w", encoding="utf-8") as file:
-        file.write(after)
-        file.flush()
-        os.fsync(descriptor)
-    temporary.replace(path)
+    write_whole(path, after, 0o600, is_synced=True)
 
 
 class _Users(Protocol):

@@ -34,7 +34,7 @@ from ....schemas.wire.errors import (
     StorageFullError,
     StorageUnavailableError,
 )
-from ..untrusted_folders import from_os_error
+from ...files.untrusted_folders import from_os_error
 
 _BY_CODE: dict[str, type[StorageError]] = {
     "NoSuchBucket": BucketNotFoundError,

@@ -16,7 +16,6 @@ from datetime import datetime
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Literal, Protocol, TypedDict, cast
-from uuid import uuid4
 
 import boto3
 from boto3.s3.transfer import TransferConfig, create_transfer_manager
@@ -32,6 +31,7 @@ from ....schemas.wire.errors import (
     StorageError,
     StorageUnavailableError,
 )
+from ...files.whole_files import replaced
 from ..aws_sessions import new_session
 from ..checksums import compare, crc32_of, has_content, measure
 from ..object_store import (
@@ -263,16 +263,13 @@ class S3Store:
         Raises `ObjectNotFoundError` if there is no such object, `ChecksumMismatchError` if the content is damaged, and
         `StorageError` otherwise; no part of the file is then left.
         """
-        temporary = path.with_name(f".{uuid4().hex}.part")
         _check(bucket, key)
-        with self._failures(f"fetch {bucket}/{key} into {path}"):
-            try:
-                with temporary.open("xb+") as target:
-                    info = self._fetch(bucket, key, target)
-                temporary.replace(path)
-            finally:
-                temporary.unlink(missing_ok=True)
-        return info
+        with (
+            self._failures(f"fetch {bucket}/{key} into {path}"),
+            replaced(path) as part,
+            part.open("xb+") as target,
+        ):
+            return self._fetch(bucket, key, target)
 
     def get_bytes(self, bucket: str, key: str) -> bytes:
         """Returns the content of an object on the S3 server; raises `ObjectNotFoundError` if there is none."""

@@ -19,9 +19,9 @@ import zipfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
-from uuid import uuid4
 
 from ....schemas.worlds.world import PREVIEW_FILE
+from ...files.whole_files import replaced
 from ..bundle.bundle import MODEL_FILE, NAMES_FILE, with_plain_names
 from ..bundle.robot_map import MAP_FILES, write_robot_map
 from ..pictures.preview import render_preview
@@ -61,13 +61,8 @@ def write_export_zip(bundles: Mapping[str, Path], path: Path) -> None:
     for name in bundles:
         if not _WORLD_ID.fullmatch(name):
             raise ValueError(f"world {name!r}: a name in archives has 1 to 128 letters, digits, '_' and '-'")
-    temporary = path.with_name(f".{uuid4().hex}.part")
-    try:
-        with zipfile.ZipFile(temporary, "x") as archive:
-            _Export(archive).write(bundles)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with replaced(path) as part, zipfile.ZipFile(part, "x") as archive:
+        _Export(archive).write(bundles)
 
 
 def archive_name(world_id: str) -> str:

@@ -4,7 +4,6 @@ import base64
 import hashlib
 import io
 import json
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -59,18 +58,6 @@ def json_island(value: Any) -> Markup:
     """Converts a value to JSON that is safe inside an HTML script element."""
     text = json.dumps(value, ensure_ascii=False).replace("<", "\\u003c")
     return Markup(text)  # noqa: S704
-
-
-def write_whole(text: str, path: Path) -> Path:
-    """Writes an HTML page to a file, which is replaced as a whole; creates its folder, and returns its path."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        partial.write_text(text, encoding="utf-8")
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
-    return path
 
 
 @cache

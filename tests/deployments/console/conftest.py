@@ -14,9 +14,9 @@ from prefect_robomaker.schemas.documents.simulation_jobs import (
     StoredBatchPolicy,
 )
 from prefect_robomaker.schemas.documents.worlds import StoredPlace
+from prefect_robomaker.tasks.files.untrusted_folders import regular_files
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import publish
-from prefect_robomaker.tasks.storage.untrusted_folders import regular_files
 
 StoreJob = Callable[..., str]
 BATCH, JOB = "simulation-job-batch", "simulation-job"

@@ -16,10 +16,10 @@ from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import StorageUnavailableError
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.consistency.checking import UNFINISHED_AFTER, check_consistency
+from prefect_robomaker.tasks.files.untrusted_folders import regular_files
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import publish, read_manifest, thin
-from prefect_robomaker.tasks.storage.untrusted_folders import regular_files
 
 FILES = {"result.json": b"{}", "recording.mcap": b"x" * 1000, "logs/a.log": b"said"}
 Job = Callable[..., Resource]

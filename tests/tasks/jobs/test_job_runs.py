@@ -14,11 +14,11 @@ from prefect_robomaker.schemas.wire.errors import (
     StorageFullError,
     StorageUnavailableError,
 )
+from prefect_robomaker.tasks.files.untrusted_folders import regular_files
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service, Timing
 from prefect_robomaker.tasks.simulations.outputs.run_outputs import RunOutputs
 from prefect_robomaker.tasks.storage import publish, read_manifest
-from prefect_robomaker.tasks.storage.untrusted_folders import regular_files
 
 Order = Callable[..., dict[str, Any]]
 Simulate = Callable[[dict[str, Any]], dict[str, Any]]

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from prefect_robomaker.schemas.documents.worlds import StoredPlace
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, ResourceNotFoundException, StorageError
 from prefect_robomaker.tasks.catalog import Resource
+from prefect_robomaker.tasks.files.untrusted_folders import regular_files
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import publish, read_manifest
-from prefect_robomaker.tasks.storage.untrusted_folders import regular_files
 from prefect_robomaker.tasks.worlds.stored_bundles import bundle_held, bundle_label
 
 Generate = Callable[..., dict[str, Any]]

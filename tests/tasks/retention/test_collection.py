@@ -23,12 +23,12 @@ from prefect_robomaker.schemas.runs.plan import RunResult
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import ConfigurationError, StorageUnavailableError
 from prefect_robomaker.tasks.catalog import Resource
+from prefect_robomaker.tasks.files.untrusted_folders import regular_files
 from prefect_robomaker.tasks.inspection.judged_recordings import store_recording
 from prefect_robomaker.tasks.retention import removal
 from prefect_robomaker.tasks.retention.collection import collect, plan_collection
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import publish
-from prefect_robomaker.tasks.storage.untrusted_folders import regular_files
 
 BUCKET = "their-own-bucket"
 RESULT = RunResult(

@@ -11,12 +11,12 @@ import pytest
 from prefect_robomaker.schemas.documents.worlds import StoredPlace, WorldDocument
 from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError, StorageError, StorageUnavailableError
 from prefect_robomaker.tasks.catalog import Resource
+from prefect_robomaker.tasks.files.untrusted_folders import regular_files
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.service.store_retries import Patience, PatientStore, at_once, patiently
 from prefect_robomaker.tasks.simulations.inputs.bundles import world_bundle
 from prefect_robomaker.tasks.storage import ObjectStore, publish, read_manifest
 from prefect_robomaker.tasks.storage.directory import DirectoryStore
-from prefect_robomaker.tasks.storage.untrusted_folders import regular_files
 
 BUCKET = "outputs"
 BUNDLE = StoredPlace(bucket=BUCKET, prefix="worlds/a")

@@ -19,9 +19,9 @@ from prefect_robomaker.schemas.wire.errors import (
     StorageFullError,
     StorageUnavailableError,
 )
+from prefect_robomaker.tasks.files.untrusted_folders import from_os_error
 from prefect_robomaker.tasks.storage import checksums
 from prefect_robomaker.tasks.storage.directory import DirectoryStore
-from prefect_robomaker.tasks.storage.untrusted_folders import from_os_error
 
 BUCKET = "bucket"
 

@@ -10,9 +10,9 @@ from helpers.s3_server import S3Server
 from minio import Minio
 
 from prefect_robomaker.schemas.runs.provenance import Manifest
+from prefect_robomaker.tasks.files.untrusted_folders import regular_files
 from prefect_robomaker.tasks.storage import publish
 from prefect_robomaker.tasks.storage.s3 import S3Store
-from prefect_robomaker.tasks.storage.untrusted_folders import regular_files
 
 
 @pytest.fixture

@@ -21,10 +21,10 @@ from prefect_robomaker.schemas.wire.errors import (
     StorageError,
     StorageFullError,
 )
+from prefect_robomaker.tasks.files.untrusted_folders import regular_files
 from prefect_robomaker.tasks.storage import fetch, publish, read_manifest, unpublish
 from prefect_robomaker.tasks.storage.directory import DirectoryStore
 from prefect_robomaker.tasks.storage.object_store import ObjectInfo, ObjectStore
-from prefect_robomaker.tasks.storage.untrusted_folders import regular_files
 
 NOW = datetime(2030, 1, 2, 3, 4, 5, tzinfo=UTC)
 ABOUT = {"job": "arn:aws:robomaker:us-east-1:000000000000:simulation-job/sim-1", "seed": 7, "status": "Completed"}
@@ -273,7 +273,7 @@ def test_a_killed_publisher_leaves_no_manifest_or_a_whole_publication(tmp_path: 
     program = (
         "import sys; from datetime import UTC, datetime; from pathlib import Path;"
         "from prefect_robomaker.tasks.storage import publish;"
-        "from prefect_robomaker.tasks.storage.untrusted_folders import regular_files;"
+        "from prefect_robomaker.tasks.files.untrusted_folders import regular_files;"
         "from prefect_robomaker.tasks.storage.directory import DirectoryStore;"
         "store = DirectoryStore(Path(sys.argv[1], 'objects')); store.ensure_bucket('outputs');"
         "files = regular_files(Path(sys.argv[1], 'outputs'));"

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError, StorageError, StorageUnavailableError
+from prefect_robomaker.tasks.files.untrusted_folders import regular_files
 from prefect_robomaker.tasks.storage import publish, read_manifest, removed_before, thin, unpublish
 from prefect_robomaker.tasks.storage.object_store import ObjectStore
-from prefect_robomaker.tasks.storage.untrusted_folders import regular_files
 
 FILES = {"result.json": b"{}", "recording.mcap": b"x" * 1000, "logs/stdout.log": b"said", "video.mp4": b"y" * 500}
 KEPT = {"result.json"}

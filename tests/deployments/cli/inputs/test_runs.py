@@ -14,7 +14,7 @@ def record(runs: Path, name: str, text: str) -> Path:
     path = runs / name / "run.json"
     path.parent.mkdir(parents=True)
     path.write_text(text)
-    number = len(list(runs.iterdir()))  # the later made, the younger, whatever the clock's steps are
+    number = 1000 - len(list(runs.iterdir()))  # the later made, the older: times of files tell nothing
     os.utime(path, (number, number))
     return path
 
@@ -82,3 +82,10 @@ def test_a_first_run_that_goes_on_is_not_taken_for_a_run_of_a_specification_with
     goes_on = begun(tmp_path, "night-20260301T020000000")
     record(tmp_path, "night-b-20260302T020000000", "{}")
     assert find_run(tmp_path, "night") == goes_on
+
+
+def test_a_name_does_not_mean_the_run_of_a_longer_name(tmp_path: Path) -> None:
+    other = record(tmp_path, "night-b-20260304T020000000", "{}")
+    with pytest.raises(ConfigurationError, match=r"there is no run 'night'.*did you mean 'night-b-2026"):
+        find_record(tmp_path, "night")
+    assert find_record(tmp_path, "night-b-2026") == other

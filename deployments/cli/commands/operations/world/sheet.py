@@ -41,14 +41,16 @@ def execute(arguments: argparse.Namespace) -> int:
 
     if arguments.job.startswith("arn:"):
         ResourceArn.parse(arguments.job, "world-generation-job")  # before a service is opened
+    from ......tasks.files.whole_files import write_whole
     from ......tasks.service.references import find_by_id
-    from ......tasks.worldforge.viewer.contact_sheet import sheet_page, sheet_png, write_whole
+    from ......tasks.worldforge.viewer.contact_sheet import sheet_page, sheet_png
 
     service = open_service()
     job = find_by_id(arguments.job, ("world-generation-job",), service)
     sheet = job_sheet(job, service)
     folder = Path(arguments.to) if arguments.to else output_file(job.id, "sheets", "")
-    html = write_whole(sheet_page(sheet), folder / "sheet.html")
+    folder.mkdir(parents=True, exist_ok=True)
+    html = write_whole(folder / "sheet.html", sheet_page(sheet))
     png = folder / "sheet.png"
     png.write_bytes(sheet_png(sheet))
     _print(sheet, job, {"png": str(png), "html": str(html)}, arguments.output)

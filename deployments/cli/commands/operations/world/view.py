@@ -37,11 +37,12 @@ def execute(arguments: argparse.Namespace) -> int:
     found = find_world(arguments.world)
     if arguments.html is None and arguments.open is None and has_display() and _mujoco_viewer(found):
         return 0
-    from ......tasks.worldforge.viewer.contact_sheet import write_whole
+    from ......tasks.files.whole_files import write_whole
     from ......tasks.worldforge.viewer.viewer_page import viewer_page
 
     path = Path(arguments.html) if arguments.html else output_file(found.id or found.name, "views", ".html")
-    write_whole(viewer_page(found.folder, _title(found)), path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(path, viewer_page(found.folder, _title(found)))
     sys.stdout.write(f"{path}\n")
     if answers.opens_files(arguments.open):
         answers.open_file(path)

@@ -6,7 +6,7 @@ from typing import cast
 
 import pytest
 
-from prefect_robomaker.tasks.runtime.limits.left_files import unfinished_of, write_all, write_whole
+from prefect_robomaker.tasks.files.left_files import unfinished_of, write_all, write_anew
 
 
 def test_a_link_that_a_program_left_is_not_followed(tmp_path: Path) -> None:
@@ -14,7 +14,7 @@ def test_a_link_that_a_program_left_is_not_followed(tmp_path: Path) -> None:
     precious.write_bytes(b"precious")
     unfinished_of(path).symlink_to(precious)
 
-    write_whole(path, b"whole ", b"file")
+    write_anew(path, b"whole ", b"file")
 
     assert (path.read_bytes(), path.is_symlink(), precious.read_bytes()) == (b"whole file", False, b"precious")
     assert set(tmp_path.iterdir()) == {path, precious}
@@ -22,13 +22,13 @@ def test_a_link_that_a_program_left_is_not_followed(tmp_path: Path) -> None:
 
 def test_a_file_that_breaks_off_leaves_the_earlier_one(tmp_path: Path) -> None:
     path = tmp_path / "result.json"
-    write_whole(path, b"earlier")
+    write_anew(path, b"earlier")
 
     with pytest.raises(TypeError):
-        write_whole(path, b"half", cast("bytes", "no bytes"))
+        write_anew(path, b"half", cast("bytes", "no bytes"))
 
     assert path.read_bytes() == b"earlier"
-    write_whole(path, b"later")
+    write_anew(path, b"later")
     assert path.read_bytes() == b"later"
 
 

@@ -69,7 +69,7 @@ def written_anew(path: Path) -> Generator[BinaryIO]:
     unfinished.replace(path)
 
 
-def write_whole(path: Path, *parts: bytes) -> None:
+def write_anew(path: Path, *parts: bytes) -> None:
     """Writes a file atomically: it is complete or absent, even if the process is killed; see `written_anew`."""
     with written_anew(path) as file:
         file.writelines(parts)
