@@ -98,7 +98,18 @@ def sites(plan: Floorplan, area_m2: float, ratio: float, hosts: Sequence[str], d
 
 
 def _at_wall(plan: Floorplan, number: int, host: Room, area: float, ratio: float, dice: Random) -> Iterator[Site]:
-    """Yields places at one wall: at its ends, and where the fewest windows are lost."""
+    """Yields places at one wall: at its ends, and where the fewest windows are lost.
+
+    Nothing is yielded if the wall is on no side of the host, or if no balcony fits there.
+
+    Args:
+        plan: The floor plan.
+        number: The wall's number in the plan.
+        host: The room that the balcony belongs to.
+        area: The balcony's preferred area, in square grid units.
+        ratio: Its preferred length over width.
+        dice: The source of chance.
+    """
     wall = plan.walls[number]
     horizontal, at, (start, end) = line_of(wall)
     edge = _edge_of(host, horizontal, at, (start, end))
@@ -138,7 +149,10 @@ def line_of(wall: Wall | Window) -> tuple[bool, int, Span]:
 
 
 def _edge_of(host: Room, horizontal: bool, at: int, span: Span) -> Span | None:
-    """Returns the ends of the side of a room that a wall is on; `None` if there is none."""
+    """Returns the ends of the side of a room that a wall is on; `None` if there is none.
+
+    All lengths are in grid units: `at` is the wall's line, and `span` its ends along that line.
+    """
     corners = [(round(x * UNITS_PER_M), round(y * UNITS_PER_M)) for x, y in host.polygon]
     for one, other in zip(corners, [*corners[1:], corners[0]], strict=True):
         along, across = (0, 1) if horizontal else (1, 0)

@@ -106,7 +106,10 @@ def walls_of_windows(world: World) -> dict[int, Wall]:
 
 
 def windows_in(wall: Wall, world: World) -> list[tuple[int, Span]]:
-    """Lists the windows in a wall: number and ends, in order."""
+    """Lists the windows in an outer wall, in order of place: number in the plan, and ends along the wall in metres.
+
+    Inner walls and lintels have none.
+    """
     if not wall.exterior or wall.lintel:
         return []
     along_x, at, (low, high) = wall_span(wall)

@@ -85,7 +85,10 @@ def lamp_spots(world: World) -> list[Vector]:
 
 
 def _spots(room: Room, count: int) -> list[Vector]:
-    """Returns `count` lamp positions along the middle of a room's largest rectangle."""
+    """Returns lamp positions along the middle of a room's largest rectangle: x, y and reach of the light, in metres.
+
+    There is one lamp if `count` is 1, and there are two otherwise.
+    """
     x0, y0, x1, y1 = max(room_rects(room).tolist(), key=lambda box: (box[2] - box[0]) * (box[3] - box[1]))
     x, y, wide, deep = (x0 + x1) / 2, (y0 + y1) / 2, x1 - x0, y1 - y0
     if count == 1:
@@ -153,7 +156,10 @@ _COLOR = rgb("f3f1ec")
 
 
 def skirting(world: World, faces: Sequence[Face]) -> Iterator[Ornament]:
-    """Yields a skirting board along each wall side, with gaps at doors."""
+    """Yields a skirting board along each wall side, with gaps at doors.
+
+    Walls whose finish has no skirting board, such as tiles, are left out.
+    """
     ends = {end for passage in world.floorplan.passages if passage.door for end in (passage.start, passage.end)}
     for number, face in enumerate(faces):
         if surface_finish(surface_name("wall", face.room)).pattern not in SKIRTED:

@@ -169,7 +169,11 @@ _OVER_M = 0.13
 
 
 def curtains(world: World, faces: Sequence[Face], shapes: Shapes, dice: Random) -> Iterator[Ornament]:
-    """Yields curtains or blinds at windows."""
+    """Yields curtains or blinds at windows.
+
+    Curtains hang in rooms that usually have them, where furniture leaves space; three of five other windows have a
+    blind.
+    """
     cloth = {room.name: dice.choice(_CLOTHS) for room in world.floorplan.rooms}
     for face in faces:
         for number, span in face.windows:

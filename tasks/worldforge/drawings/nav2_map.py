@@ -260,7 +260,7 @@ def _steps_outline(cells: Cells) -> Corners:
 
 
 def _steps(cells: Cells) -> list[tuple[tuple[int, int], tuple[int, int]]]:
-    """Returns the border edges of a room's map cells, each with its cell to the left."""
+    """Returns the border edges of a room's map cells as (start, end) corners, with the room to the left of each."""
     level = np.diff(np.pad(cells, ((1, 1), (0, 0))).astype(np.int8), axis=0)
     upright = np.diff(np.pad(cells, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     east, west, south, north = (np.argwhere(at).tolist() for at in (level > 0, level < 0, upright > 0, upright < 0))
@@ -273,7 +273,7 @@ def _steps(cells: Cells) -> list[tuple[tuple[int, int], tuple[int, int]]]:
 
 
 def _straight(corners: Corners, near: int) -> Corners:
-    """Straightens a room's outline: moves short edges onto the lines of longer ones."""
+    """Straightens a room's outline: moves short edges at most `near` cells onto the lines of longer ones."""
     lines: tuple[dict[int, int], dict[int, int]] = ({}, {})
     edges = list(zip(corners, [*corners[1:], *corners[:1]], strict=True))
     for one, other in sorted(edges, key=lambda edge: -abs(edge[0][0] - edge[1][0]) - abs(edge[0][1] - edge[1][1])):

@@ -269,7 +269,10 @@ def choose_sets(sets: Sequence[Set], rooms: Sequence[Room]) -> dict[str, int]:
 def why_unused(
     one_set: TargetedSet, sets: Sequence[TargetedSet], chosen: dict[str, int], rooms: Sequence[Room]
 ) -> tuple[str, PreferenceOutcome]:
-    """Explains why a material or furniture set applies to no room, with the outcome of its preferences."""
+    """Explains why a material or furniture set applies to no room, with the outcome of its preferences.
+
+    The outcome is `missed` if the plan has none of the set's rooms, and `contradictory` if other sets have them all.
+    """
     wanted = targeted(one_set, rooms)
     if not wanted:
         target = one_set.TargetSet

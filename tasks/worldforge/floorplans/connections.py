@@ -47,7 +47,10 @@ class Way(NamedTuple):
 
 
 def shared_walls(plan: Partition) -> dict[Pair, list[Contact]]:
-    """Returns the shared walls of every two rooms of a floor plan, longest first."""
+    """Returns the shared walls of every two rooms of a floor plan, longest first.
+
+    Keys are pairs of room numbers, the lower first; rooms that share no wall have no entry.
+    """
     walls: dict[Pair, list[Contact]] = {}
     for contact in contacts(plan.rooms):
         pair = (min(contact.low, contact.high), max(contact.low, contact.high))
@@ -106,7 +109,10 @@ def _grown(rooms: set[int], ways: list[Way]) -> set[int]:
 def _next_pair(
     plan: Partition, brief: Brief, walls: dict[Pair, list[Contact]], ways: list[Way], main: set[int], dice: Random
 ) -> Pair:
-    """Returns the best pair of rooms to connect next: one room is connected already, the other is not."""
+    """Returns the best pair of rooms to connect next: one room is connected already, the other is not.
+
+    At least one pair must have space for a door, else ValueError is raised.
+    """
     degrees = [sum(room in way.pair for way in ways) for room in range(len(plan.rooms))]
 
     def sense(pair: Pair) -> float:
@@ -215,7 +221,7 @@ def _half_wall(at: int, limit: int) -> int:
 
 
 def _arm(corners: Corners) -> int:
-    """Returns the narrowest width of a rectangular or L-shaped room."""
+    """Returns the narrowest width of a rectangular or L-shaped room, in grid units."""
     box = extent(corners)
     if len(corners) == 4:
         return min(box.x1 - box.x0, box.y1 - box.y0)

@@ -170,7 +170,10 @@ class PlanEvaluator:
 
 
 def _reached_from_first(ways: Sequence[int]) -> int:
-    """Returns a bit set of the rooms that can be reached from room 0 through connections."""
+    """Returns a bit set of the rooms that can be reached from room 0 through connections.
+
+    `ways` has a bit set of the connected rooms for each room.
+    """
     reached, fresh = 1, 1
     while fresh:
         found = 0

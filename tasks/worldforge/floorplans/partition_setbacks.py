@@ -164,7 +164,7 @@ def put_together(trees: Trees, sides: Floats) -> tuple[Cuts, Flags]:
 
 
 def outline_cost(cuts: Cuts, enclosed: Flags) -> Floats:
-    """Returns the cost of building outlines that are not rectangles."""
+    """Returns the cost of each plan's building outline: 0 for a rectangle, more for empty corners or enclosed space."""
     sides = cuts.high - cuts.low
     whole = cuts.high.max(axis=1)
     empty = 1 - sides.prod(axis=0).sum(axis=0) / whole.prod(axis=0)

@@ -129,7 +129,10 @@ FOOTPRINT = 0
 
 
 def _misses(brief: Brief, plan: Partition, preferences: int) -> np.ndarray:
-    """Returns a mask of the shape preferences that a plan misses; requested connections count as satisfied."""
+    """Returns a mask of the shape preferences that a plan misses; requested connections count as satisfied.
+
+    The order is: footprint, aspect ratios of all rooms, areas of all rooms, connections.
+    """
     missed = np.zeros(preferences, bool)
     missed[0] = abs(log(plan.width / plan.height / brief.footprint_ratio)) > RATIO_TOLERANCE
     rooms = len(brief.ratios)

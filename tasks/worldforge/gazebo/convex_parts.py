@@ -409,7 +409,10 @@ def _depths(mesh: _Faces, polygons: list[_Polygon]) -> list[float]:
 
 
 def _first_hits(mesh: _Faces, origins: Points, directions: Points) -> NDArray[np.float64]:
-    """Returns distances along rays to the first back face of the mesh, up to `THICKNESS_M`."""
+    """Returns distances along rays to the first back face of the mesh, up to `THICKNESS_M`.
+
+    The distance is infinite for a ray that hits none.
+    """
     corners = mesh.points[mesh.faces]
     base, one, two = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     low, high = corners.min(axis=1), corners.max(axis=1)

@@ -358,7 +358,10 @@ def _turns(
 
 
 def _copied(body: Body, turn: Pose | None, parent: Body | None) -> Body:
-    """Returns a copy of a body at another pose and with another parent."""
+    """Returns a copy of a body at another pose and with another parent.
+
+    `turn` is the displacement from the old pose to the new one; `None` leaves the body where it is.
+    """
     links = [
         Link(link.path, link.model, link.pose, link.is_static, link.inertia, [], link.visuals) for link in body.links
     ]

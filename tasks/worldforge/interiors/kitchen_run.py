@@ -135,7 +135,10 @@ def _length(units: Sequence[Unit]) -> float:
 def _along_one_wall(
     work: RoomFurnishing, units: Sequence[Unit], *, between: bool = False
 ) -> Iterator[tuple[float, Placed]]:
-    """The line at both ends of every free stretch of wall, or anywhere between them, either way round."""
+    """Yields layouts of the units in a line along one wall, with their scores, either way round.
+
+    They are at both ends of every free stretch of wall; with `between`, also at places between the ends.
+    """
     length = _length(units)
     depth, front = _reach(work, units)
     for side in work.space.sides:
@@ -235,7 +238,10 @@ def _corners(work: RoomFurnishing) -> Iterator[tuple[Side, Side, tuple[End, End]
 
 
 def _meet(first: Side, second: Side) -> tuple[End, End] | None:
-    """Returns the ends of two walls at their inside corner; `None` if they do not meet in one."""
+    """Returns the ends of two walls at their inside corner; `None` if they do not meet in one.
+
+    An end is the place of the corner along the wall in metres, and the direction (1 or -1) away from it.
+    """
     if (first.quarter - second.quarter) % 2 == 0:
         return None
     found: list[End] = []

@@ -165,7 +165,10 @@ def _in_frame(host: Furniture, x: float, y: float) -> tuple[float, float]:
 
 
 def _on_top(host: Furniture, kind: str, furnished: RoomFurnishing, there: list[Furniture]) -> list[Furniture]:
-    """Places an object on a furnishing, beside decoration and objects that are already there."""
+    """Places an object on a furnishing, beside decoration and objects that are already there.
+
+    Returns a list of that object, or an empty one if no free place was found.
+    """
     dice, style, parts = furnished.dice, _style(kind, furnished), parts_of(host)
     for _ in range(_TRIES):
         turn = dice.uniform(-0.3, 0.3)
@@ -222,7 +225,10 @@ def _on_floor(furnished: RoomFurnishing, kinds: Sequence[str], corners: Sequence
 
 
 def _floor_spots(kind: str, style: Style, furnished: RoomFurnishing) -> Iterator[tuple[float, float, float]]:
-    """Yields candidate spots on the floor: by a wall for objects that are put down, anywhere for dropped ones."""
+    """Yields candidate spots on the floor: x and y in metres, and the turn about the vertical in radians.
+
+    They are by a wall for objects that are put down, and anywhere for dropped ones.
+    """
     dice = furnished.dice
     if kind in _BY_A_WALL:
         reach = hypot(style.width_m, style.depth_m) / 2 + 0.05 - style.depth_m / 2

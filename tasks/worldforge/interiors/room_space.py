@@ -140,7 +140,10 @@ class RoomSpace:
         return not hits(box, self._solids if tucked is None else [solid for solid in self._solids if solid != tucked])
 
     def spans(self, side: Side, depth_m: float, front_m: float, *, tall: bool = False) -> list[tuple[float, float]]:
-        """Returns the free stretches of a wall for furniture of a depth, with free space in front."""
+        """Returns the free stretches of a wall for furniture of a depth, with free space in front.
+
+        They are (low, high) in metres along the wall; stretches of up to 0.2 m are left out.
+        """
         axis = side.axis
         body = side.strip(0.0, depth_m + WALL_GAP_M)
         before = side.strip(depth_m + WALL_GAP_M, depth_m + WALL_GAP_M + front_m)
@@ -241,7 +244,10 @@ def _complement(room: Room) -> list[Box]:
 
 
 def room_rects(room: Room) -> Rects:
-    """Divides a room's floor into rectangles that do not overlap."""
+    """Divides a room's floor into rectangles that do not overlap.
+
+    Each row of the result is one rectangle: west, south, east and north in metres.
+    """
     xs, ys = (sorted({corner[axis] for corner in room.polygon}) for axis in (0, 1))
     rows: list[Box] = []
     for y0, y1 in itertools.pairwise(ys):

@@ -215,7 +215,10 @@ def _surfaces(index: int, room: Room, ceiling_m: float | None) -> Iterator[str]:
 
 
 def wall_faces(wall: Wall, world: World) -> tuple[str, str]:
-    """Returns the material names of a wall's right and left side, seen from its start."""
+    """Returns the material names of a wall's right and left side, seen from its start.
+
+    A side that is in no room has `wall_outside`.
+    """
     length = hypot(wall.end[0] - wall.start[0], wall.end[1] - wall.start[1])
     u, v = (wall.end[0] - wall.start[0]) / length, (wall.end[1] - wall.start[1]) / length
     x, y = (wall.start[0] + wall.end[0]) / 2, (wall.start[1] + wall.end[1]) / 2

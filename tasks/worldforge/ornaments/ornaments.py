@@ -195,7 +195,10 @@ def joined(parts: Iterable[tuple[Floats, Ints]]) -> tuple[Floats, Ints]:
 
 
 def turned(profile: Sequence[tuple[float, float]], sections: int) -> Mesh:
-    """Makes a surface of revolution about z from a profile of radii and heights."""
+    """Makes a surface of revolution about z from a profile of radii and heights, from the bottom up.
+
+    It is closed at the bottom and open at the top. Lengths are in the profile's unit.
+    """
     angles = np.arange(sections) * (2 * np.pi / sections)
     rings = [(radius, height) for radius, height in profile if radius > 0]
     vertices = [np.array([[0.0, 0.0, profile[0][1]]])]

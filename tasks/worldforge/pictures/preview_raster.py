@@ -314,7 +314,12 @@ class LightMap:
 
     @classmethod
     def of(cls, blocks: Iterable[Block], extent: tuple[float, float, float, float]) -> "LightMap":
-        """Computes the shadows of blocks that are on the ground."""
+        """Computes the shadows of blocks that are on the ground.
+
+        Args:
+            blocks: Each is west, south, east, north and height, in metres.
+            extent: The building's west, south, east and north, in metres.
+        """
         x0, y0 = extent[0] - _MARGIN_M, extent[1] - _MARGIN_M
         shape = (ceil((extent[3] + _MARGIN_M - y0) / _CELL_M), ceil((extent[2] + _MARGIN_M - x0) / _CELL_M))
         heights = np.zeros(shape, np.float32)

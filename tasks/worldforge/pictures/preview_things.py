@@ -36,7 +36,10 @@ def things_from_above(world: World) -> Iterator[Solid]:
 
 
 def _form(ornament: Ornament) -> tuple[Shape, Vector]:
-    """Shape and full extents; the name of a mesh says its form and its extents in millimetres."""
+    """Returns an ornament's shape and full extents in metres; leaves become an ellipsoid.
+
+    The name of a mesh says its form and its extents in millimetres.
+    """
     if not ornament.mesh:
         x, y, z = ornament.size
         return "box", (2 * x, 2 * y, 2 * z)

@@ -139,7 +139,10 @@ class RayCaster:
             yield
 
     def _stand_out(self, place: Array, normal: Array) -> NDArray[Any]:
-        """Distance by which geoms stand out of a plane, towards its normal."""
+        """Returns the distance in metres by which each geom stands out of a plane, towards its normal.
+
+        It is negative for a geom that lies behind the plane.
+        """
         turns = self._data.geom_xmat.reshape(-1, 3, 3)
         box = self._model.geom_aabb
         middle = self._data.geom_xpos + np.einsum("gij,gj->gi", turns, box[:, :3])

@@ -137,7 +137,10 @@ class LightGrid:
         return LightGrid(self.hits, _shared(light, self.hits, self.shape), np.zeros_like(light), self.shape, self.step)
 
     def at(self, hits: Hits, rows: Array, columns: Array) -> tuple[Array, Array]:
-        """Returns the light at points and how it leans, smoothed over neighbouring pixels of the same surface."""
+        """Returns the light at points and how it leans, smoothed over neighbouring pixels of the same surface.
+
+        Both have shape (n, 3).
+        """
         both, weight = self._near(hits, rows, columns)
         lost = np.flatnonzero(weight < _LOST)
         if self.fine is not None and len(lost):
@@ -149,7 +152,10 @@ class LightGrid:
         return both[:, :3], both[:, 3:]
 
     def _near(self, hits: Hits, rows: Array, columns: Array) -> tuple[Array, Array]:
-        """Light at points from the four pixels of the grid around them, and how much these have to do with them."""
+        """Returns the light at points and how it leans, (n, 6), from the four grid pixels around each, and a weight.
+
+        The weight says how much these pixels have to do with the point: about 0 if all show other surfaces.
+        """
         both, weight = np.zeros((len(hits.geoms), 6)), np.zeros(len(hits.geoms))
         row, column = np.floor(rows / self.step).astype(np.int64), np.floor(columns / self.step).astype(np.int64)
         height, width = self.shape
@@ -211,7 +217,10 @@ def _alike(hits: Hits, others: Hits, index: NDArray[np.int64]) -> Array:
 
 
 def _lit(caster: RayCaster, hits: Hits, lighting: Lighting, slots: NDArray[np.int64], looks: int) -> Array:
-    """Light at places and how it leans, shape (n, 6), from so many lamps of each set."""
+    """Returns the light at places and how it leans, shape (n, 6), from `looks` lamps of each set.
+
+    `slots` says for each place with which of the lamps to begin. A place without a geom has the ambient light only.
+    """
     light = np.zeros((len(slots), 6))
     light[:, :3] = lighting.ambient
     known = hits.geoms >= 0
@@ -235,7 +244,7 @@ def _shade_of_corners(hits: Hits, shape: tuple[int, int], lighting: Lighting, ch
 
 
 def _shine(caster: RayCaster, lamp: Lamp, hits: Hits) -> tuple[Array, Array]:
-    """Brightness of the light of one lamp at places, and how it leans."""
+    """Returns the brightness of one lamp's light at places, and how it leans, shape (n, 3); 0 in its shadow."""
     ways = hits.places + hits.normals * _SKIN_M - np.array(lamp.place)
     distances = np.linalg.norm(ways, axis=1)
     ways = ways / np.maximum(distances, 1e-6)[:, None]
@@ -283,7 +292,10 @@ def _openness(hits: Hits, shape: tuple[int, int], reach_m: float, chosen: NDArra
 
 
 def _shared(light: Array, hits: Hits, shape: tuple[int, int]) -> Array:
-    """Evens light out among the pixels of one surface that looked at different lamps, near ones and then further."""
+    """Evens light out among the pixels of one surface that looked at different lamps, near ones and then further.
+
+    Edges of shadows stay. Returns the new light; that given stays as it is.
+    """
     height, width = shape
     index = np.arange(height * width).reshape(shape)
     rows, columns = (axis.ravel() for axis in np.indices(shape))

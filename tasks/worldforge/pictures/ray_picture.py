@@ -123,7 +123,7 @@ class RayPicture(RayCaster):
         return self.beyond(np.array(place), np.array(normal))
 
     def _sun(self, hits: Hits, lighting: Lighting, shape: tuple[int, int]) -> LightGrid | None:
-        """Sunlight at each pixel, with the soft edges that the sun's width makes; `None` if no sun shines."""
+        """Returns the sunlight at each pixel, with soft edges as the sun has a width; `None` if no sun shines."""
         if lighting.sun is None:
             return None
         light = lighting.sun(hits, slots_of(shape))
@@ -140,7 +140,10 @@ class RayPicture(RayCaster):
         return turned_light(light[:, :3], light[:, 3:], self._bend(hits) - hits.normals)
 
     def _shade(self, shot: "_Shot", hits: Hits, light: Array) -> Array:
-        """Light that comes from places to the camera."""
+        """Returns the light that comes from places to the camera, shape (n, 3), for the light that falls on them.
+
+        Rays that hit nothing have the background or, through a window, the view.
+        """
         colors = self._look(hits)
         bright = np.abs(colors) ** GAMMA
         seen = np.where(colors[:, :1] < 0, bright, bright * light[:, :3])
@@ -236,7 +239,7 @@ def _on_plane(camera: Camera, rays: Array, hits: Hits) -> Array:
 
 
 def _edges(hits: Hits, glass: Array, shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """Finds the pixels that show another geom or surface direction than a neighbour."""
+    """Returns a mask of the pixels that show another geom or surface direction than a neighbour, or a thin line."""
     kinds = (hits.geoms.astype(np.int64) * 2 + (glass > 0)).reshape(shape)
     normals = hits.normals.reshape(*shape, 3)
     edge = np.zeros(shape, np.bool_)
@@ -252,7 +255,7 @@ def _edges(hits: Hits, glass: Array, shape: tuple[int, int]) -> NDArray[np.bool_
 
 
 def _thin(kinds: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Finds pixels near lines that are as thin as a pixel: rays of pixels beside them go past them by chance."""
+    """Returns a mask of pixels near lines that are as thin as a pixel: rays beside them go past them by chance."""
     thin = np.zeros(kinds.shape, np.bool_)
     for axis in (0, 1):
         across = kinds if axis == 0 else kinds.T

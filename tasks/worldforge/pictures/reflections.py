@@ -76,7 +76,7 @@ class Reflections:
         )
 
     def added(self, seen: Array, hits: Hits, rows: Array, columns: Array) -> Array:
-        """Returns the light from places with what they mirror."""
+        """Adds to the light from places what they mirror, in place, and returns it."""
         if self.gloss is None and self.mirrors is None:
             return seen
         known = np.maximum(hits.geoms, 0)
@@ -104,7 +104,10 @@ class Reflections:
 
 
 def _surfaces(few: Hits, shares: Array) -> Iterator[tuple[Ids, Array, Array]]:
-    """Yields level surfaces that mirror and are large in the picture: their geoms, normal and a place on them."""
+    """Yields level surfaces that mirror and are large in the picture: their geoms, normal and a place on them.
+
+    The largest come first; those that fill too little of the picture are left out.
+    """
     known = np.maximum(few.geoms, 0)
     glossy = np.flatnonzero((few.geoms >= 0) & (shares[known, 0] > 0))
     if len(glossy) == 0:
@@ -140,7 +143,18 @@ def _seen(
     caster: RayCaster, camera: Camera, plane: tuple[Array, Array], lighting: Lighting, shade: Shade,
     window: tuple[int, int, int, int], step: int, shape: tuple[int, int],
 ) -> Array:  # fmt: skip
-    """Light that a plane mirrors at the pixels of a part of a picture."""
+    """Returns the light that a plane mirrors at the pixels of a part of a picture.
+
+    Args:
+        caster: Casts the rays.
+        camera: The picture's camera.
+        plane: The mirror's normal and a place on it.
+        lighting: The lamps and the sun.
+        shade: Gives the light that places send to the camera.
+        window: Top, bottom, left and right of the part, in steps; bottom and right are exclusive.
+        step: Pixels between the places that are looked at.
+        shape: Rows and columns of the whole picture.
+    """
     normal, place = plane
     top, bottom, left, right = window
     rows, columns = (axis.ravel().astype(float) * step for axis in np.mgrid[top:bottom, left:right])

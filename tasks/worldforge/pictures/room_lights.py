@@ -134,7 +134,7 @@ def _inward(window: Window, room: Room) -> Array:
 
 
 def _window_lamps(opening: Opening) -> list[Lamp]:
-    """Lamps all over a window that shine into the room like the sky outside."""
+    """Makes lamps all over a window that shine into the room like the sky outside."""
     facing = (float(opening.inward[0]), float(opening.inward[1]), 0.0)
     lamps: list[Lamp] = []
     for share in (0.125, 0.375, 0.625, 0.875):
@@ -146,7 +146,7 @@ def _window_lamps(opening: Opening) -> list[Lamp]:
 
 
 def _ceiling_lamps(world: World, rooms: Sequence[Room], power: float) -> list[list[Lamp]]:
-    """Lamps all over each ceiling lamp of rooms; one in the middle of a room that has none."""
+    """Makes a set of lamps all over each ceiling lamp of rooms; a room that has none gets one in its middle."""
     z = world.floorplan.ceiling_height_m - _BELOW_CEILING_M
     known = lamp_spots(world)
     sets: list[list[Lamp]] = []
@@ -165,7 +165,7 @@ def _ceiling_lamps(world: World, rooms: Sequence[Room], power: float) -> list[li
 
 
 def _standing(middle: Vector, half: Vector) -> list[Lamp]:
-    """Lamps all around a shade, above and below it: those within would light the shade alone."""
+    """Makes lamps all around a shade, above and below it: those within would light the shade alone."""
     (x, y, z), (wide, _, tall) = middle, half
     power = _STANDING_POWER * min(1.0, wide / 0.2)
     made: list[Lamp] = []
@@ -195,7 +195,7 @@ def _one_set(sets: Sequence[list[Lamp]], count: int = 1) -> list[list[Lamp]]:
 
 
 def _spread(lamps: Sequence[Lamp], rng: np.random.Generator) -> Array:
-    """A direction for each lamp, as light leaves a white sheet: more straight ahead than aside."""
+    """Returns a random direction for each lamp, as light leaves a white sheet: more straight ahead than aside."""
     ahead = np.array([lamp.facing for lamp in lamps])
     aside = np.where(np.abs(ahead[:, 2:]) > 0.5, np.array((1.0, 0.0, 0.0)), np.array((0.0, 0.0, 1.0)))
     first = np.cross(ahead, aside)
@@ -206,7 +206,10 @@ def _spread(lamps: Sequence[Lamp], rng: np.random.Generator) -> Array:
 
 
 def _thrown_back(caster: RayCaster, look: Look, lamps: Sequence[Lamp], rays: Array) -> list[Lamp]:
-    """Lamps where the light of others falls first, in the colour of what it falls on."""
+    """Makes lamps where the light of others falls first, in the colour of what it falls on.
+
+    Those whose light leaves through a window make none; the others' power is lowered to fit.
+    """
     made: list[Lamp] = []
     for lamp, ray in zip(lamps, np.broadcast_to(rays, (len(lamps), 3)), strict=True):
         hit = caster.hits(lamp.place, ray[None])
@@ -284,7 +287,7 @@ class Sun:
 
 
 def _toward(openings: Sequence[Opening]) -> Array:
-    """Direction of the sun: the one of sixteen from which most of it comes in."""
+    """Returns the direction to the sun: the one of sixteen from which most of its light comes in."""
     best, most = np.array((0.0, 0.0, 1.0)), -1.0
     for number in range(16):
         turn = (number + 0.4) * pi / 8  # never straight along a wall
@@ -300,7 +303,7 @@ def _toward(openings: Sequence[Opening]) -> Array:
 
 
 def _passes(opening: Opening, places: Array, ways: Array) -> Flags:
-    """Whether ways from places lead through a window, or just beside it."""
+    """Returns a mask of the ways from places that lead through a window, or just beside it."""
     slope = ways @ opening.inward
     away = ((opening.start - places) @ opening.inward) / np.where(np.abs(slope) < 1e-6, 1e-6, slope)
     crossing = places + ways * away[:, None] - opening.start

@@ -108,7 +108,7 @@ class Looks:
         return [(tuple(at), tuple(half)) for at, half in zip(middles.tolist(), self._half[lamps].tolist(), strict=True)]
 
     def outdoors(self, hits: Hits) -> Flags:
-        """Returns which places are outside the building."""
+        """Returns a mask of the places that are outside the building; rays without a hit are not."""
         x, y, _ = (hits.places + 0.02 * hits.normals).T
         outside = hits.geoms >= 0
         for rects, _ in self._rooms:
@@ -137,7 +137,10 @@ class Looks:
         return _GLOSS[fits[0]] if fits else (0.0, 0.0)
 
     def bent(self, hits: Hits) -> Array:
-        """Returns the directions that surfaces have for light: edges are round, and patterns have bumps."""
+        """Returns the directions that surfaces have for light: edges are round, and patterns have bumps.
+
+        They have length 1, shape (n, 3).
+        """
         known = np.maximum(hits.geoms, 0)
         bent = hits.normals.copy()
         mine = np.flatnonzero((hits.geoms >= 0) & self._sharp[known])
@@ -152,7 +155,7 @@ class Looks:
         return bent / np.maximum(np.linalg.norm(bent, axis=1), 1e-6)[:, None]
 
     def _rounded(self, hits: Hits) -> Array:
-        """Directions of the surfaces of boxes, whose edges are round."""
+        """Returns directions at places on boxes, as if the boxes had round edges; they have no fixed length."""
         geoms = hits.geoms
         turns, half = self._turns[geoms], self._half[geoms]
         inside = self._inside(hits)
@@ -187,7 +190,7 @@ class Looks:
         return colors
 
     def _detail(self, colors: Array, hits: Hits, geoms: Ids) -> None:
-        """Draws grain, weave, panels and prints into colours."""
+        """Draws grain, weave, panels and prints into `colors`, which is changed in place; geoms of -1 are left out."""
         known, there = np.maximum(geoms, 0), geoms >= 0
         wood, cloth, panelled, prints = (
             np.flatnonzero(there & kind[known]) for kind in (self._wood, self._cloth, self._panel, self._print)
@@ -199,7 +202,7 @@ class Looks:
         colors[prints] = drawn(colors[prints], self._inside(hits[prints]), self._half[own], own.astype(float))
 
     def _wall(self, name: str, hits: Hits) -> Array:
-        """Colours of walls: those of the room before them, also at the ends of walls of other rooms."""
+        """Returns the colours of walls: those of the room before them, also at the ends of walls of other rooms."""
         x, y, _ = (hits.places + _WALL_M * hits.normals).T
         names = np.full(len(x), -1)
         for number, (rects, _) in enumerate(self._rooms):
@@ -232,7 +235,7 @@ class Looks:
         return colors
 
     def _worked(self, hits: Hits) -> Array:
-        """Brightness of the grain of wood at places."""
+        """Returns the brightness of the grain at places: around 1 on wood, 1 elsewhere."""
         geoms = hits.geoms
         inside, half = self._inside(hits), self._half[geoms]
         order = np.argsort(-half, axis=1)
@@ -245,7 +248,10 @@ class Looks:
 
 
 def _bumpy(name: str, hits: Hits) -> Array:
-    """Directions of a patterned surface: it slopes where its brightness changes."""
+    """Returns directions at places on a patterned surface, which slopes where its brightness changes.
+
+    They have no fixed length.
+    """
     x, y, z = hits.places.T
     upright = np.abs(hits.normals[:, 2]) < 0.5
     on_y = np.abs(hits.normals[:, 0]) > 0.5

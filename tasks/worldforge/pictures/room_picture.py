@@ -256,7 +256,10 @@ def _targets(room: Room, pieces: list[Furniture]) -> Iterator[tuple[float, float
 
 
 def _spots(room: Room, pieces: list[Furniture]) -> list[tuple[float, float]]:
-    """Places along the walls and across the room where a photographer could stand; where he could not, if none is."""
+    """Returns places along the walls and across a room where a photographer could stand; x and y in metres.
+
+    If furniture is on all of them, it returns them as if it were empty.
+    """
     spots: list[tuple[float, float]] = []
     for x0, y0, x1, y1 in room_rects(room):
         xs, ys = (_steps(low + _FROM_WALL_M, high - _FROM_WALL_M) for low, high in ((x0, x1), (y0, y1)))

@@ -153,7 +153,10 @@ def _overlapping(world: World, scan: Scan, deep: Sequence[Overlap]) -> Iterator[
 
 
 def _restless(world: World, scan: Scan, drift: NDArray[np.float64] | None) -> Iterator[Fault]:
-    """Yields the bodies that move by themselves, those that move furthest first."""
+    """Yields the bodies that move by themselves, those that move furthest first.
+
+    Nothing is yielded if `drift`, the metres that each joint's body moved, was not measured.
+    """
     if drift is None:
         return
     for joint in np.argsort(-drift)[:MOST_TOLD].tolist():

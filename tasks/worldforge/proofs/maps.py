@@ -104,7 +104,10 @@ def map_faults(world: World, site: Site, read: OccupancyGrid, *, as_described: b
 
 
 def _places(cells: Cells, grid: OccupancyGrid) -> Iterator[tuple[int, Point]]:
-    """Yields the largest groups of cells: their size, and the position of one cell."""
+    """Yields the largest groups of cells: their size, and the position of one cell.
+
+    Positions are in metres; a few of the largest groups are enough.
+    """
     if not cells.any():
         return
     found, count = ndimage.label(cells, np.ones((3, 3)))  # pyright: ignore[reportGeneralTypeIssues]

@@ -58,7 +58,10 @@ def meet(model: mujoco.MjModel, one: int, other: int) -> bool:
 
 
 def _near(model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Returns pairs of indices in `geoms` whose bounding boxes overlap, in a tenth of a millisecond."""
+    """Returns pairs of indices in `geoms` whose bounding boxes overlap, in a tenth of a millisecond.
+
+    Parts of one piece do not make a pair. The result has shape (n, 2).
+    """
     axes, boxes = data.geom_xmat[geoms].reshape(-1, 3, 3), model.geom_aabb[geoms]
     center = data.geom_xpos[geoms] + (axes @ boxes[:, :3, None])[..., 0]
     half = (np.abs(axes) @ boxes[:, 3:, None])[..., 0]
@@ -126,7 +129,10 @@ _PUSH_SPEED_FACTORS = np.array([1.0, 1.0, 0.5, 5.0, 5.0, 5.0])
 
 
 def drift_m(model: mujoco.MjModel, settle_s: float) -> NDArray[np.float64]:
-    """Simulates a world; returns how far each movable body moves by itself, in metres."""
+    """Simulates a world; returns how far each movable body moves by itself, in metres.
+
+    There is one entry for each joint. A body that was so fast that MuJoCo gave up has `THROWN_M`.
+    """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     bodies = np.asarray(model.jnt_bodyid)

@@ -83,7 +83,10 @@ def measure_ways(world: World, scan: Scan) -> tuple[list[RoomWay], list[Fault]]:
 
 
 def _clear(passage: Passage, scan: Scan, boxes: NDArray[np.float64]) -> tuple[float, int | None]:
-    """Returns the widest gap along a passage's line, and the obstacle at its side or in its middle."""
+    """Returns the widest gap along a passage's line in metres, and the geom at its side or in its middle.
+
+    The geom is `None` if nothing stands there. Open door leaves before the passage count as obstacles.
+    """
     along = 0 if passage.start[1] == passage.end[1] else 1
     line = passage.start[1 - along]
     first, last = sorted((passage.start[along], passage.end[along]))

@@ -62,7 +62,10 @@ def json_island(value: Any) -> Markup:
 
 
 def write_whole(text: str, path: Path) -> Path:
-    """Writes an HTML page to a file, which is replaced as a whole; creates its folder, and returns its path."""
+    """Writes an HTML page to a file, which is replaced as a whole; creates its folder, and returns its path.
+
+    Raises OSError if the file cannot be written; a file that was there stays then.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
@@ -200,7 +203,10 @@ def sheet_page(sheet: Sheet) -> str:
 
 
 def sheet_png(sheet: Sheet) -> bytes:
-    """Renders the contact sheet as one picture (PNG)."""
+    """Renders the contact sheet as one picture (PNG).
+
+    Returns the content of the file; nothing is written.
+    """
     columns = max(1, min(_MOST_COLUMNS, len(sheet.worlds)))
     rows = -(-len(sheet.worlds) // columns)
     width, height = _TILE
