@@ -93,7 +93,10 @@ class AxisSetting(Model):
 
 
 def number_kind(kind: str) -> type[NumberAxis]:
-    """Returns the class of a numeric kind of axis, by name."""
+    """Returns the class of a numeric kind of axis, by name.
+
+    There must be a kind of this name, and it must be numeric.
+    """
     found = AXIS_KINDS[kind]
     assert issubclass(found, NumberAxis)
     return found

@@ -481,7 +481,7 @@ class World(Model):
 
 
 def bounds(points: Iterable[Point]) -> tuple[float, float, float, float]:
-    """Returns the bounding box of 2D points: west, south, east and north."""
+    """Returns the bounding box of 2D points, of which there is one at least: west, south, east and north."""
     xs, ys = zip(*points, strict=True)
     return min(xs), min(ys), max(xs), max(ys)
 

@@ -69,7 +69,7 @@ class Publication(NamedTuple):
 
 
 def dds_type_name(ros_type: str) -> str:
-    """Converts a ROS message type to its DDS name: `sensor_msgs::msg::dds_::LaserScan_`."""
+    """Converts a ROS type, `sensor_msgs/msg/LaserScan`, to its DDS name, `sensor_msgs::msg::dds_::LaserScan_`."""
     package, kind, name = ros_type.split("/")
     return f"{package}::{kind}::dds_::{name}_"
 

@@ -80,7 +80,10 @@ def keep_mounts_inside() -> None:
 
 
 def restrict_mount(target: str, attributes: int, *, below: bool = True) -> None:
-    """Adds restrictions (such as read-only) to a mount, and to all mounts below it."""
+    """Adds restrictions (such as read-only) to a mount, and to all mounts below it unless `below` is false.
+
+    Raises OSError if the kernel refuses.
+    """
     values = struct.pack("QQQQ", attributes, 0, 0, 0)
     flags = _AT_RECURSIVE if below else 0
     done = _LIBC.syscall(_MOUNT_SETATTR, _AT_FDCWD, os.fsencode(target), flags, values, ctypes.c_size_t(len(values)))
@@ -107,7 +110,10 @@ def raise_loopback() -> None:
 
 
 def forgo_privileges() -> None:
-    """Gives up all capabilities for good, also for programs that are executed later."""
+    """Gives up all capabilities for good, also for programs that are executed later.
+
+    Raises OSError if the kernel refuses.
+    """
     _check(_LIBC.prctl(_PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0), "PR_SET_NO_NEW_PRIVS")
     _LIBC.prctl(_PR_CAP_AMBIENT, _PR_CAP_AMBIENT_CLEAR_ALL, 0, 0, 0)
     for capability in range(_MOST_CAPABILITIES):

@@ -362,7 +362,10 @@ def _code(role: ApplicationRole, application: Resource, run_environment: RunEnvi
 
 
 def source_for_this_machine(sources: list[StoredSource]) -> StoredSource:
-    """Returns the archive of an application for 64-bit x86, or for any architecture, else the first one."""
+    """Returns the archive of an application for 64-bit x86, or for any architecture, else the first one.
+
+    There must be one at least.
+    """
     for source in sources:
         if (source.architecture or "X86_64") == "X86_64":
             return source
@@ -443,7 +446,10 @@ def _programs(
 
 
 def _make_executable(path: Path, bundle: Path | None) -> None:
-    """Makes a file of an archive's copy executable, as some tools make zip archives without that permission."""
+    """Makes a file of an archive's copy executable, as some tools make zip archives without that permission.
+
+    A file outside the copy stays as it is; `None` says that there is no copy.
+    """
     if bundle is not None and path.is_relative_to(bundle):
         path.chmod(path.stat().st_mode | 0o111)
 

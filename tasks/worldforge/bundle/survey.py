@@ -167,7 +167,10 @@ def world_bounds(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[NDArray[np
 def bounds_of_geoms(
     model: mujoco.MjModel, data: mujoco.MjData, geoms: list[int] | NDArray[np.intp]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns the lowest and highest corner of some geoms, by their numbers, of which there is one at least."""
+    """Returns the lowest and highest corner of some geoms, in metres in the world's frame.
+
+    `geoms` has their numbers, of which there is one at least.
+    """
     axes, boxes = data.geom_xmat[geoms].reshape(-1, 3, 3), model.geom_aabb[geoms]
     center = data.geom_xpos[geoms] + (axes @ boxes[:, :3, None])[..., 0]
     reach = (np.abs(axes) @ boxes[:, 3:, None])[..., 0]
@@ -217,7 +220,7 @@ def ground_at(
 
 
 def _around(grid: OccupancyGrid, outline: list[Point]) -> tuple[slice, slice]:
-    """Returns the rows and columns of grid cells around an outline."""
+    """Returns the rows and columns of grid cells around an outline, with a cell more on each side if there is one."""
     found = []
     for axis, count in ((1, grid.occupied.shape[0]), (0, grid.occupied.shape[1])):
         values = [point[axis] - grid.origin[axis] for point in outline]

@@ -99,7 +99,10 @@ def _spots(room: Room, count: int) -> list[Vector]:
 
 
 def lamp_shades(world: World) -> Iterator[tuple[Ornament, Mesh | None]]:
-    """Yields a lamp shade under the ceiling for each lamp."""
+    """Yields a lamp shade under the ceiling for each lamp.
+
+    All lamps have one mesh, which comes with the first of them; for the others it is `None`.
+    """
     profile = ((0.0, 0.0), (0.1, 0.012), (0.17, 0.04), (0.2, _SHADE_M))
     bowl = turned(profile, 16)
     for index, (x, y, _) in enumerate(lamp_spots(world)):

@@ -153,7 +153,7 @@ HANDLE_M = 0.06
 
 
 def lintel_over(plan: Floorplan, passage: Passage) -> Wall:
-    """Returns the piece of wall above a doorway (its lintel)."""
+    """Returns the piece of wall above a doorway (its lintel); each doorway of a plan must have one."""
     ends = {passage.start, passage.end}
     return next(wall for wall in plan.walls if wall.lintel and {wall.start, wall.end} == ends)
 

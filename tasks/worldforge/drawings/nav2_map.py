@@ -161,7 +161,10 @@ def _by_size(regions: NDArray[np.int64]) -> list[int]:
 
 
 def map_files(path: Path) -> list[Path]:
-    """Lists the files of a Nav2 map: `map.yaml` and its image."""
+    """Lists the files of a Nav2 map: `map.yaml` and its image.
+
+    Raises ConfigurationError if `map.yaml` cannot be read or is none of a map; the image need not be there.
+    """
     said = _document(path)
     return [path, path.parent / str(said.get("image", ""))]
 

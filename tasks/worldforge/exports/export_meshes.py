@@ -244,5 +244,5 @@ def _projected(model: mujoco.MjModel, shape: Shape, mesh: Mesh) -> NDArray[np.fl
 
 
 def linear(value: float) -> float:
-    """Converts an sRGB colour component to linear intensity."""
+    """Converts an sRGB colour component to linear intensity, both from 0 to 1."""
     return value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4

@@ -335,7 +335,7 @@ def texture_pixels(model: mujoco.MjModel, material: int) -> NDArray[np.uint8] | 
 
 
 def texture_name(model: mujoco.MjModel, material: int) -> str:
-    """Returns the name of a material's texture."""
+    """Returns the name of a material's texture; the material must have one."""
     return model.tex(int(model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB])).name
 
 
@@ -356,7 +356,7 @@ def texture_file(scene: Scene, material: int) -> str | None:
 
 
 def material_png(scene: Scene, material: int) -> bytes:
-    """Returns a material's texture as PNG."""
+    """Returns a material's texture as PNG: the content of its file, or made from its pixels; it must have a texture."""
     if scene.folder is not None and (name := texture_file(scene, material)) is not None:
         return (scene.folder / name).read_bytes()
     pixels, png = texture_pixels(scene.model, material), BytesIO()

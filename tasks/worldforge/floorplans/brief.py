@@ -183,7 +183,7 @@ def doors_in(span: int) -> int:
 
 
 def door_capacity(contact: Contact, plan: Partition) -> int:
-    """Returns how many doorways fit into a shared wall."""
+    """Returns how many doorways fit into a shared wall; 0 if none does."""
     start, end = clear_span(contact, plan)
     return max(0, doors_in(end - start))
 

@@ -125,7 +125,7 @@ class RoomFurnishing:
         return cls(room, space, density, dice, new_id, _taste=taste, _kitchens=kitchens, is_small=is_small)
 
     def begin_with(self, kinds: Sequence[str]) -> None:
-        """Places the first of some furniture types that fits."""
+        """Places furniture types in the order given until one fits; that one is placed, and no other."""
         for kind in kinds:
             if not self._place(kind):
                 return
@@ -289,7 +289,7 @@ class RoomFurnishing:
         return False
 
     def _takes(self, kind: str, style: Style, pose: Pose) -> list[Box]:
-        """Returns the boxes that a piece and its chair cover at a pose."""
+        """Returns the boxes that a piece and, if it has one, its chair cover at a pose; the chair's is the second."""
         box, seat = footprint(pose, style.width_m, style.depth_m), RULES[kind].seat_m
         if not seat:
             return [box]

@@ -163,7 +163,7 @@ def _visual(world: World) -> Iterator[str]:
 
 
 def surfaces(world: World) -> list[str]:
-    """Lists the names of the floor and wall surfaces of a world."""
+    """Lists the names of the floor and wall surfaces of a world, each once; the last is `wall_outside`."""
     rooms = world.floorplan.rooms
     used = {surface_name("floor", room) for room in rooms} | {surface_name("wall", room) for room in rooms}
     return [*sorted(used), "wall_outside"]

@@ -66,7 +66,7 @@ def _sky(rays: Array, rise: Array) -> Array:
 
 
 def _woods(colors: Array, azimuth: Array, rise: Array) -> Array:
-    """Adds the edge of a far wood."""
+    """Adds the edge of a far wood to the colours of rays, and returns them."""
     line = 0.07 + 0.05 * _ridge(azimuth, 5) + 0.025 * _ridge(azimuth, 24)
     leaves = _WOODS + (_WOODS_LIT - _WOODS) * _leaves(azimuth * 22, rise * 26)[:, None]
     hazy = leaves + (_HAZE - leaves) * 0.3
@@ -177,7 +177,7 @@ def _over(colors: Array, paint: Array, share: Array) -> Array:
 
 
 def _ridge(azimuth: Array, bumps: float) -> Array:
-    """Returns noise all round, without a seam: so many bumps in a radian."""
+    """Returns noise from 0 to 1 all round, without a seam: `bumps` of them in a radian."""
     return noise(np.cos(azimuth) * bumps + 31, np.sin(azimuth) * bumps + 31)
 
 

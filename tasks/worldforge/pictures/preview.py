@@ -137,7 +137,7 @@ def _draw_building(world: World, raster: Raster, palette: Palette) -> tuple[list
 
 
 def _top_m(wall: Wall, world: World) -> float:
-    """Height at which a wall is cut, in metres: low for outer walls on the south or west side, which hide others."""
+    """Returns the height in metres at which a wall is cut: low for outer ones in south or west, which hide others."""
     right, left = wall_faces(wall, world)
     forward = wall.end[0] > wall.start[0] or wall.end[1] < wall.start[1]  # south or west of it lies to its right
     return _NEAR_CUT_M if wall.exterior and (right if forward else left) == _OUTSIDE else _CUT_M

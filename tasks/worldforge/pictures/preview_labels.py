@@ -62,7 +62,10 @@ def _draw(picture: Image.Image, room: Room, floor: NDArray[np.bool_], corner: tu
 
 
 def _clearest(floor: NDArray[np.bool_], width: int, height: int) -> tuple[int, int]:
-    """Middle of a label that covers most of a floor's pixels, near the middle of these."""
+    """Returns the middle (column, row) of a label that covers most of a floor's pixels, near the middle of these.
+
+    `floor` marks the pixels; width and height of the label are in pixels, too.
+    """
     covered = ndimage.uniform_filter1d(floor.astype(np.float32), height, axis=0, mode="constant")
     covered = ndimage.uniform_filter1d(covered, width, axis=1, mode="constant")
     rows, columns = np.mgrid[: floor.shape[0], : floor.shape[1]].astype(np.float32)

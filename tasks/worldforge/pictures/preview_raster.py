@@ -210,7 +210,7 @@ LIGHT: Vector = (-0.45, 0.35, 0.82)
 
 
 def _levels(x: Image, y: Image, z: Image | float) -> NDArray[np.int32]:
-    """Returns the shade numbers of unit normals."""
+    """Returns the shade numbers of unit normals, from 0 (turned from the light) to `LEVELS - 1`."""
     facing = x * LIGHT[0] + y * LIGHT[1] + z * LIGHT[2]
     return np.clip((facing * 0.5 + 0.5) * LEVELS, 0, LEVELS - 1).astype(np.int32)
 

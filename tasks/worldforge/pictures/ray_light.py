@@ -184,7 +184,10 @@ class LightGrid:
         return total / weight[:, None]
 
     def _for(self, normals: Array, others: NDArray[np.int64]) -> Array:
-        """Light of pixels of the grid, and how it leans, as surfaces of other directions would have it."""
+        """Returns the light of pixels of the grid, and how it leans, as surfaces of other directions would have it.
+
+        The result has shape (n, 6).
+        """
         lean = self.lean[others]
         share = turned_light(self.light[others], lean, normals - self.hits.normals[others])
         return np.hstack([self.light[others] * share[:, None], lean])
@@ -209,7 +212,7 @@ def turned_light(light: Array, lean: Array, turned: Array) -> Array:
 
 
 def _alike(hits: Hits, others: Hits, index: NDArray[np.int64]) -> Array:
-    """1 for places on one plane, 0 for places on different ones."""
+    """Returns how much places lie on one plane: 1 for the same plane, about 0 for different ones, shape (n,)."""
     normals, places = others.normals[index], others.places[index]
     turned = np.clip(np.einsum("ij,ij->i", hits.normals, normals), 0, 1)
     apart = np.abs(np.einsum("ij,ij->i", hits.normals, hits.places - places))
@@ -236,7 +239,7 @@ def _lit(caster: RayCaster, hits: Hits, lighting: Lighting, slots: NDArray[np.in
 
 
 def _shade_of_corners(hits: Hits, shape: tuple[int, int], lighting: Lighting, chosen: NDArray[np.int64]) -> Array:
-    """Share of light that reaches chosen pixels past what is around them and close to them, shape (n, 1)."""
+    """Returns the share of light, (n, 1), that reaches chosen pixels past what is around them and close to them."""
     share = np.ones(len(chosen))
     if lighting.shaded_m:
         share = _openness(hits, shape, lighting.shaded_m, chosen) * _openness(hits, shape, _CLOSE_M, chosen)

@@ -134,7 +134,7 @@ class RayPicture(RayCaster):
         return LightGrid(hits, light, lean / facing, shape, 1)
 
     def _turned(self, hits: Hits, light: Array) -> Array:
-        """Share of light that places have on the bumps and rounded edges of their surfaces."""
+        """Returns the share of light that places have on the bumps and rounded edges of their surfaces."""
         if self._bend is None:
             return np.ones(len(light))
         return turned_light(light[:, :3], light[:, 3:], self._bend(hits) - hits.normals)
@@ -199,7 +199,10 @@ def _widened(marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _finished(seen: Array, glass: Array, scale: float | None) -> Array:
-    """Returns the colours of a picture as eyes see them."""
+    """Returns the colours of a picture as eyes see them, from 0 to 1.
+
+    `glass` says which pixels are seen through glass. Light is multiplied by `scale`; `None` compresses it as film does.
+    """
     seen = seen if scale is None else seen * scale
     seen = seen * (1 - 0.16 * glass[:, None]) + 0.05 * glass[:, None]
     if scale is None:
@@ -231,7 +234,7 @@ def _developed(seen: Array) -> Array:
 
 
 def _on_plane(camera: Camera, rays: Array, hits: Hits) -> Array:
-    """Points at which other rays meet the planes that were hit; a metre away where nothing was."""
+    """Returns the points at which other rays meet the planes that were hit; a metre away where nothing was."""
     reach = np.sum((hits.places - np.array(camera.place)) * hits.normals, axis=1)
     slope = np.sum(rays * hits.normals, axis=1)
     reach = np.where(hits.geoms < 0, 1.0, reach / np.where(np.abs(slope) < 1e-4, 1e-4, slope))

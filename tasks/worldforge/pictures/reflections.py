@@ -95,7 +95,7 @@ class Reflections:
         return seen
 
     def _share(self, hits: Hits) -> Array:
-        """Share of light that surfaces mirror at places: more of it along them."""
+        """Returns the share of light that surfaces mirror at places: more of it the more one looks along them."""
         ways = hits.places - np.array(self.camera.place)
         ways /= np.maximum(np.linalg.norm(ways, axis=1), 1e-6)[:, None]
         facing = np.clip(np.abs(np.sum(ways * hits.normals, axis=1)), 0, 1)
@@ -129,7 +129,7 @@ def _surfaces(few: Hits, shares: Array) -> Iterator[tuple[Ids, Array, Array]]:
 
 
 def _window(mine: NDArray[np.int64], shape: tuple[int, int]) -> tuple[int, int, int, int]:
-    """Rows and columns (first, and one after the last) that surround pixels."""
+    """Returns the rows and columns (first, and one after the last) that surround pixels: top, bottom, left, right."""
     rows, columns = mine // shape[1], mine % shape[1]
     return int(rows.min()), int(rows.max()) + 1, int(columns.min()), int(columns.max()) + 1
 

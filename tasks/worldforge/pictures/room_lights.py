@@ -106,7 +106,7 @@ def room_lighting(caster: RayCaster, looks: Looks, world: World, room: Room) -> 
 
 
 def _neighbours(world: World, room: Room) -> list[Room]:
-    """Rooms that one sees through a room's doors and openings."""
+    """Returns the rooms that one sees through a room's doors and openings, without the room itself."""
     ways = [passage.rooms for passage in world.floorplan.passages if room.name in passage.rooms]
     return [other for other in world.floorplan.rooms if other != room and any(other.name in way for way in ways)]
 
@@ -126,7 +126,7 @@ def _openings(world: World, room: Room) -> list[Opening]:
 
 
 def _inward(window: Window, room: Room) -> Array:
-    """Unit vector from a window into its room."""
+    """Returns the unit vector, across its wall, from a window into its room."""
     x, y = (window.start[0] + window.end[0]) / 2, (window.start[1] + window.end[1]) / 2
     if abs(window.end[0] - window.start[0]) > abs(window.end[1] - window.start[1]):
         return np.array((0.0, 1.0 if contains(room.polygon, x, y + 0.3) else -1.0, 0.0))

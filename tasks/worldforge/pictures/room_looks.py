@@ -168,7 +168,7 @@ class Looks:
         return np.einsum("nij,nj->ni", turns, local) + hits.normals * 0.35
 
     def _inside(self, hits: Hits) -> Array:
-        """Places from the middles of their geoms, along the geoms' own axes."""
+        """Returns places as seen from the middles of their geoms, along the geoms' own axes, in metres."""
         geoms = hits.geoms
         return np.einsum("nji,nj->ni", self._turns[geoms], hits.places - self._places[geoms]) - self._middle[geoms]
 

@@ -218,7 +218,7 @@ class _View:
         return score - 3.0 * float(near.mean()) - 8.0 * float((near & (ahead < _BEFORE_EYES_M)).mean())
 
     def _inside(self, places: Array) -> Flags:
-        """Whether places are in the room or on its walls."""
+        """Returns a mask of the places that are in the room or on its walls."""
         inside = np.zeros(len(places), np.bool_)
         for x0, y0, x1, y1 in room_rects(self._room):
             inside |= (places[:, 0] >= x0) & (places[:, 0] <= x1) & (places[:, 1] >= y0) & (places[:, 1] <= y1)
@@ -226,7 +226,7 @@ class _View:
 
 
 def _to_front(camera: Camera, rays: Array) -> Array:
-    """Distance along rays to the plane from which a camera sees; 0 for a camera without one."""
+    """Returns the distance along rays to the plane from which a camera sees, in metres; 0 for a camera without one."""
     if camera.front is None:
         return np.zeros(len(rays))
     place, normal = (np.array(each) for each in camera.front)
@@ -246,7 +246,7 @@ def _wall_spots(room: Room) -> Iterator[tuple[tuple[float, float], tuple[float, 
 
 
 def _targets(room: Room, pieces: list[Furniture]) -> Iterator[tuple[float, float]]:
-    """Places that a camera may look at: the room's middle, where robots go, and its furniture's."""
+    """Yields places that a camera may look at: the room's middle, where robots go, and its furniture's."""
     yield _middle(room)
     yield room.goal
     main = [item for item in pieces if item.model_type in _MAIN.get(room.type, ())]
@@ -271,7 +271,7 @@ def _spots(room: Room, pieces: list[Furniture]) -> list[tuple[float, float]]:
 
 
 def _steps(low: float, high: float) -> list[float]:
-    """Places between two ends, both of them included."""
+    """Returns equally spaced places between two ends, both of them included."""
     count = min(_MOST_STEPS, max(1, round((high - low) / _STEP_M)))
     return [low + (high - low) * index / count for index in range(count + 1)]
 

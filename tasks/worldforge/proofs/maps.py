@@ -124,7 +124,7 @@ def _places(cells: Cells, grid: OccupancyGrid) -> Iterator[tuple[int, Point]]:
 
 
 def _there(scan: Scan, place: Point) -> str:
-    """Returns the name of the solid part at a position."""
+    """Returns the name of the solid part at a position; `something` if there is none."""
     for geom, outline in scan.slices:
         xs, ys = zip(*outline, strict=True)
         if min(xs) - 0.05 < place[0] < max(xs) + 0.05 and min(ys) - 0.05 < place[1] < max(ys) + 0.05:

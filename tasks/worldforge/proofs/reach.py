@@ -132,6 +132,6 @@ def _cuts(outline: Sequence[Point], along: int, levels: tuple[float, float]) -> 
 
 
 def share(part: NDArray[np.bool_], whole: NDArray[np.bool_]) -> float:
-    """Returns the share of map cells that are reached, 0 to 1, to four digits."""
+    """Returns the share of map cells that are reached, 0 to 1, to four digits; 0 if there are none to reach."""
     count = int(np.count_nonzero(whole))
     return round(int(np.count_nonzero(part)) / count, 4) if count else 0.0
