@@ -87,7 +87,10 @@ class Brief(Changes):
 
     @classmethod
     def of(cls, resource: StoredResource) -> Self:
-        """Reads this excerpt from a catalog resource; other members of its document are ignored."""
+        """Reads this excerpt from a catalog resource; other members of its document are ignored.
+
+        Raises pydantic's ValidationError if a member has a wrong value.
+        """
         return cls.model_validate(
             {name: resource.document[name] for name in cls.members() if name in resource.document}
         )

@@ -142,7 +142,7 @@ def _report(wished: TemplateFloorplan, plan: Floorplan) -> list[Preference]:
 
 
 def _place(preference: Preference) -> tuple[int, int]:
-    """Returns the place of a preference in the report: building, rooms, connections."""
+    """Returns the sort key of a preference in the report: 0 building, 1 rooms, 2 connections, then the number there."""
     match = _NUMBERED.search(preference.path)
     if match is None:
         return 0, 0

@@ -139,7 +139,10 @@ class RoomFurnishing:
         self.fill(kinds)
 
     def place_each(self, kinds: Sequence[str]) -> None:
-        """Places the initial number of pieces of each furniture type."""
+        """Places the initial number of pieces of each furniture type, in the catalogue's order, as far as they fit.
+
+        The reason for a type of which none fits is added to `missed`.
+        """
         listed = _in_order(kinds, self.room.type)
         for kind in listed:
             self._place_first(kind)

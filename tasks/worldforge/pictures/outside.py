@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.floating[Any]]
 
 _EYE_M = 1.5
-"""Height from which the garden is seen; rooms are on the ground floor."""
+"""Height from which the garden is seen, in metres; rooms are on the ground floor."""
 _HEDGE_M = (11.0, 1.25)
-"""Distance of the hedge from the eyes, and its height: below the horizon, so that one looks over it."""
+"""Distance of the hedge from the eyes, and its height, in metres: below the horizon, so that one looks over it."""
 _SIDE = 64
 """Cells of the noise table each way; a power of two, so that remainders are cheap."""
 

@@ -33,9 +33,9 @@ _SUPERSAMPLING = 2
 _AZIMUTH_DEG, _ELEVATION_DEG = -24.0, 56.0
 _CUT_M, _NEAR_CUT_M = 1.0, 0.4
 _FURNITURE_CUT_M = 1.3
-"""Height at which furniture is cut, so that wardrobes and fridges do not hide the rooms behind them."""
+"""Height at which furniture is cut, in metres, so that wardrobes and fridges do not hide the rooms behind them."""
 _WHOLE = ("FloorLamps",)
-"""Furniture that is known by its upper end."""
+"""Kinds of furniture that are not cut, as they are known by their upper ends."""
 _HOLLOW_PX, _HOLLOW_M, _HOLLOW = 13, 0.12, 1.5
 """Width around a pixel, depth that counts at most, and loss of light for a metre that a pixel lies deeper."""
 _MARGIN = 0.045

@@ -20,10 +20,10 @@ Ids = NDArray[np.int32]
 Flags = NDArray[np.bool_]
 
 _CUTOFF_M = 80.0
-"""Rays end here: far beyond the largest building."""
+"""Greatest length of a ray, in metres: far beyond the largest building."""
 _HIDDEN_GROUP, _GLASS_GROUP = 3, 5
 _ON_PLANE_M = 0.003
-"""Distance up to which something that stands out of a plane is part of it."""
+"""Distance up to which something that stands out of a plane is part of it, in metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,13 +31,13 @@ class Camera:
     """Position, direction and field of view of a camera."""
 
     place: Vector
-    """Metres."""
+    """Position of the camera in the world, in metres."""
     yaw: float
-    """Direction of view: 0 is east, pi/2 north, radians."""
+    """Direction of view in radians: 0 is east, pi/2 north."""
     pitch: float
-    """Above the horizon, radians."""
+    """Angle of the direction of view above the horizon, in radians."""
     fov_deg: float
-    """Angle of view from left to right."""
+    """Angle of view from left to right, in degrees."""
     drop: float = 0.0
     """Distance of the picture's middle below the direction of view, over that to the picture. A lens that is moved
     down, as photographers of buildings do it, sees more floor and keeps upright edges upright."""
@@ -64,9 +64,9 @@ class Hits:
     """Points where rays hit geoms, with geom ids and normals."""
 
     geoms: Ids
-    """-1: nothing."""
+    """Id of the geom that each ray hits; -1 for nothing."""
     places: Array
-    """A metre away where a ray hit nothing."""
+    """Place that each ray hits, in metres, shape (n, 3); a metre away where it hits nothing."""
     normals: Array
 
     def __getitem__(self, chosen: Any) -> "Hits":

@@ -11,36 +11,36 @@ from ..geometry.parts import Vector
 from .ray_casting import Array, Flags, Hits, RayCaster
 
 STEP = 3
-"""Light is found for one pixel in so many, each way."""
+"""Distance of the pixels for which light is found, in pixels, each way."""
 
 _SLOTS = 4
-"""Neighbouring pixels look at different lamps in squares of this side."""
+"""Side of the squares of pixels in which each looks at another lamp, in pixels."""
 SUNS = _SLOTS * _SLOTS
-"""Places on the sun's disc."""
+"""Number of places on the sun's disc that light comes from."""
 _LEAST_TURNED, _MOST_TURNED = 0.3, 2.0
 """Bounds of what a surface's light is multiplied by where it is turned a little."""
 _SKIN_M = 0.004
 _LEAST_LIT = 8e-4
-"""Light that is too weak to be asked for its shadows: where it ended, more would be seen as a border."""
+"""Strength of light that is too weak to be asked for its shadows: where it ended, more would be seen as a border."""
 
 _LOST = 0.02
 """Weight below which the four pixels of the grid around a place are no neighbours of it."""
 _AROUND, _AROUND_M = 2, 0.06
-"""Pixels of the grid each way that are asked then, and the distance at which they count a quarter."""
+"""Pixels of the grid each way that are asked then, and the distance in metres at which they count a quarter."""
 
 _LOOKS_OF_MISSED = 2
-"""Lamps of each set that a pixel looks at where few neighbours share its surface."""
+"""Number of lamps of each set that a pixel looks at where few neighbours share its surface."""
 
 _CLOSE_M = 0.13
-"""Distance up to which things darken what they touch."""
+"""Distance up to which things darken what they touch, in metres."""
 _LOOKS = 14
-"""Places around a pixel that are asked whether they take light from it."""
+"""Number of places around a pixel that are asked whether they take light from it."""
 _GOLDEN_RAD = 2.399963
-"""Angle between two of them: they lie evenly."""
+"""Angle between two of these places, in radians, with which they lie evenly."""
 _LEAST_SIN = 0.08
 """Sine of the height above a surface from which a place takes light: surfaces are not quite flat, nor is it exact."""
 _TAKEN = 2.4
-"""Light that is taken, over the share of the half sphere above a place that the places around it cover."""
+"""Factor of the light that is taken, over the share of the half sphere that places around it cover."""
 _LEAST_OPEN = 0.3
 """Share of light that reaches the deepest corner."""
 _SMALL_M = 1e-4
@@ -55,7 +55,7 @@ class Lamp:
     """Brightness of a white wall one metre away from it."""
     color: Vector = (1.0, 1.0, 1.0)
     facing: Vector | None = None
-    """Direction in which it shines; absent: everywhere alike."""
+    """Direction in which the lamp shines; `None`: everywhere alike."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,21 +65,21 @@ class Lighting:
     lamps: Sequence[Sequence[Lamp]]
     """Sets of lamps; a pixel looks at one lamp of each set and at the others through its neighbours."""
     ambient: Vector = (0.1, 0.1, 0.1)
-    """Light that comes from everywhere."""
+    """Light that comes from everywhere: red, green and blue."""
     sun: Callable[[Hits, NDArray[np.int64]], Array] | None = None
     """Further light at places, shape (n, 3), from one of `SUNS` places on the sun's disc, by numbers."""
     toward_sun: Vector = (0.0, 0.0, 1.0)
     """Direction of the sun, a unit vector."""
     outside: Callable[[Array], Array] | None = None
-    """Light from where a ray hits nothing, by its direction, shape (n, 3); absent: a plain background."""
+    """Function from a ray's direction to its light where it hits nothing, shape (n, 3); `None`: a plain background."""
     outdoors: Callable[[Hits], Flags] | None = None
-    """Function that tells which places the day outside lights; absent: none."""
+    """Function that tells which places the day outside lights; `None`: none."""
     shaded_m: float = 0.0
-    """Distance up to which things take light from each other; 0: they do not."""
+    """Distance up to which things take light from each other, in metres; 0: they do not."""
     exposed: bool = False
     """Whether the picture becomes as bright as a photographer makes it; else lamps say how bright it is."""
     gloss: Array = field(default_factory=lambda: np.zeros((0, 2)))
-    """Shares of light that geoms mirror, straight and along the surface, shape (geoms, 2); absent: none does."""
+    """Shares of light that geoms mirror, straight and along the surface, shape (geoms, 2); empty: none does."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,16 +88,16 @@ class LightGrid:
 
     hits: Hits
     light: Array
-    """Shape (rows * columns, 3)."""
+    """Light of each pixel of the grid: red, green and blue, shape (rows * columns, 3)."""
     lean: Array
     """Change of the light's brightness by the direction of the surface, shape (rows * columns, 3)."""
     shape: tuple[int, int]
     step: int = STEP
-    """Pixels from one of the grid to the next."""
+    """Distance between two pixels of the grid, in pixels."""
     fine: "LightGrid | None" = None
-    """Light at the pixels of surfaces that are so narrow that the grid misses them."""
+    """Light at the pixels of surfaces that are so narrow that the grid misses them; `None`: there are none."""
     known: Array | None = None
-    """1 for pixels whose light is known, 0 for others; absent: all are."""
+    """Mask with 1 for pixels whose light is known, 0 for others; `None`: all are."""
 
     @classmethod
     def cast(cls, caster: RayCaster, hits: Hits, lighting: Lighting, shape: tuple[int, int]) -> "LightGrid":

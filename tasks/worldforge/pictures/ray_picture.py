@@ -26,15 +26,15 @@ GAMMA = 2.2
 
 _SUB_PIXELS = ((-0.375, -0.125), (0.125, -0.375), (0.375, 0.125), (-0.125, 0.375))
 _MIDDLE = 0.49
-"""Light in the middle of a well exposed picture of a bright room, of 1."""
+"""Light in the middle of a well exposed picture of a bright room, where 1 is white."""
 _VIEW = 2.0
 """Light of a white thing outside, over that of one in the picture's middle: photographers expose for both."""
 _DAYLIGHT, _SUNLIGHT = 0.55, 0.6
-"""Light of the sky and of the sun on what is outside, of 1."""
+"""Light of the sky and of the sun on what is outside, where 1 is white."""
 _LINE_PX = 8
-"""Gaps up to twice as long in lines as thin as a pixel are looked at closely."""
+"""Half the length in pixels of the gaps in lines as thin as a pixel that are looked at closely."""
 _SUN_EDGE_PX = 3
-"""Pixels beside sunny ones that may have some sun: as far as neighbours share it."""
+"""Number of pixels beside sunny ones that may have some sun: as far as neighbours share it."""
 
 _FILM = np.array([[0.842479, 0.0423283, 0.0423756], [0.0784336, 0.878469, 0.0784336], [0.0792237, 0.0791661, 0.879142]])
 """Mixture of red, green and blue light on film, a row for each."""
@@ -42,7 +42,7 @@ _PAPER = np.linalg.inv(_FILM)
 _DARKEST_EV, _BRIGHTEST_EV = -12.47393, 4.026069
 """Ends of the film's range, in doublings of light."""
 _CONTRAST, _COLORFUL = 1.34, 1.2
-"""A little more of both than film has: rooms are less bright than landscapes."""
+"""Factors of contrast and of colour, a little more than film has: rooms are less bright than landscapes."""
 _BRIGHTNESS = np.array((0.2126, 0.7152, 0.0722))
 
 Look = Callable[[Hits], Array]
@@ -171,7 +171,7 @@ class _Shot:
 
     mirror: Reflections
     view = 1.0
-    """Light of a white thing outside."""
+    """Light of a white thing outside, as it is seen in the picture."""
 
     def __init__(self, camera: Camera, lighting: Lighting, grid: LightGrid, sun: LightGrid | None) -> None:
         self.camera, self.lighting, self._grid, self._sun_at = camera, lighting, grid, sun

@@ -10,13 +10,13 @@ from .ray_casting import Array, Camera, Hits, Ids, RayCaster
 from .ray_light import STEP, LightGrid, Lighting
 
 _MIRROR = 0.5
-"""Share from which a surface is a mirror: what it shows is as sharp as the rest."""
+"""Share of mirrored light above which a surface is a mirror: what it shows is as sharp as the rest."""
 _LEAST_SHARE, _LEAST_MIRROR_SHARE = 0.004, 0.0004
 """Share of the picture from which a surface, or a mirror, gets a reflection of its own."""
 _MOST = 7
-"""Surfaces with reflections; the largest ones come first."""
+"""Limit of the surfaces with reflections; the largest ones come first."""
 _GRAIN = (0.02, 0.006)
-"""Normals and distances (metres) that differ by less are those of one surface."""
+"""Differences of normals, and of distances in metres, up to which places are on one surface."""
 
 Shade = Callable[[Hits, Array], Array]
 """Function that returns the light that comes from places to the camera, by the light on them."""
@@ -32,7 +32,7 @@ class Reflections:
     gloss: LightGrid | None
     mirrors: LightGrid | None
     shares: Array
-    """See `Lighting.gloss`."""
+    """Shares of light that geoms mirror, straight and along the surface, shape (geoms, 2)."""
     camera: Camera
 
     @classmethod

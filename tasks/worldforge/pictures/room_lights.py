@@ -18,7 +18,7 @@ from .ray_picture import GAMMA, Look
 from .room_looks import Looks
 
 _PER_SET = 16
-"""Lamps of a set: as many as there are pixels in a square that shares what it saw."""
+"""Number of lamps of a set: as many as there are pixels in a square that shares what it saw."""
 
 _SKY_POWER = 2.6
 """Light of a window a metre wide, as `Lamp.power` counts it."""
@@ -29,9 +29,9 @@ _LAMP_COLOR = (1.0, 0.86, 0.66)
 _STANDING_POWER, _STANDING_COLOR = 1.3, (1.0, 0.72, 0.42)
 """Light of a lamp of 0.4 m that stands on the floor, and its colour: evening comes into the day."""
 _STANDING_M = 0.02
-"""Distance of such a lamp's light from its shade, which would hide it."""
+"""Distance in metres of such a lamp's light from its shade, which would hide it."""
 _LAMP_M, _BELOW_CEILING_M = 0.17, 0.15
-"""Radius of a lamp and its distance from the ceiling, under its shade."""
+"""Radius of a lamp and its distance from the ceiling, under its shade, in metres."""
 _SUN_POWER = 5.5
 """Light of the sun on a white sheet that faces it."""
 _SUN_COLOR = np.array((1.0, 0.89, 0.71))
@@ -43,9 +43,9 @@ _SUN_RADIUS = 0.022
 _AMBIENT = 0.03
 """Light that was thrown back more than once."""
 _AGAIN_SETS = 3
-"""Sets of lamps for light that was thrown back twice."""
+"""Number of sets of lamps for light that was thrown back twice."""
 _SHADED_M = 0.55
-"""Things take light from what is nearer than this: a table from the floor below it."""
+"""Distance in metres up to which things take light from each other: a table from the floor below it."""
 _INTO_ROOM_M = 0.2
 _SLACK_M = 0.15
 _SEED = 5
@@ -55,12 +55,12 @@ class Opening(NamedTuple):
     """A window that lights a room."""
 
     start: Array
-    """One end at the sill, metres."""
+    """Position of one end of the window at its sill, in metres."""
     along: Array
-    """The way to its other end."""
+    """Vector from the start of the window to its other end, in metres."""
     up_m: float
     inward: Array
-    """Unit vector into the room."""
+    """Unit vector, across the wall, into the room."""
 
     @property
     def wide_m(self) -> float:

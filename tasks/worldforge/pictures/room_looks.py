@@ -24,20 +24,22 @@ SMOOTH = ("Linoleum", "Parquetry", "Tiles")
 """Materials of floors that mirror: lacquered, waxed or glazed."""
 
 THRESHOLD_M = 0.05
-"""Width of the strip that covers the joint of two floors."""
+"""Width of the strip that covers the joint of two floors, in metres."""
 THRESHOLD_COLOR = (0.62, 0.54, 0.43)
 
 _GRAIN_PER_M = (1.3, 42.0)
-"""Bumps of the grain of wood, along a board and across it."""
+"""Bumps of the grain of wood in a metre, along a board and across it."""
 _GRAIN = 0.22
-"""Difference between the lightest and the darkest wood of a board, of 1."""
+"""Difference of brightness between the lightest and the darkest wood of a board, as a share of the whole."""
 _WARM, _RED, _SATURATED, _LEAST_BLUE = 0.07, 0.25, 0.16, 0.3
-"""A plain colour is taken for wood if there is so much more red than green (least and most), so much more red than
-blue, and so much blue for its red: cloth is more colourful."""
+"""Limits of a plain colour that is taken for wood, as cloth is more colourful.
+
+They are: least and most excess of red over green, least excess of red over blue, and least blue for its red.
+"""
 _EDGE_M = 0.007
-"""Width of the rounded edges of furniture, which catch light."""
+"""Width of the rounded edges of furniture, which catch light, in metres."""
 _BUMP_M, _BUMP = 0.004, 0.55
-"""Distance at which a pattern's brightness is compared, and how much a surface turns by it: dark joints lie deeper."""
+"""Distance in metres at which a pattern's brightness is compared, and how much a surface turns by it."""
 _GLOSS = {
     "mirror": (0.8, 0.9),
     "screen": (0.05, 0.9),
@@ -57,11 +59,11 @@ _GLOSSY: tuple[tuple[tuple[str, ...], str], ...] = (
 )
 """Beginnings and parts of names of geoms that mirror, by their kind of gloss; the first that fits counts."""
 _SHADE = np.array((1.9, 1.5, 0.95))
-"""Light of a lamp shade whose bulb is on."""
+"""Light (red, green, blue) of a lamp shade whose bulb is on."""
 _FINER = {"wall_Stone_": 1.7, "wall_Brick_": 1.15}
-"""Pictures show patterns so much smaller than simulations do, whose cameras have few pixels."""
+"""Factors by which pictures show patterns smaller than simulations do, whose cameras have few pixels."""
 _WALL_M, _INDOORS_M = 0.04, 0.11
-"""Distances in front of a wall within its room, and outside rooms up to which things belong to windows and walls."""
+"""Distances in metres: in front of a wall within its room, and outside rooms up to which things belong to walls."""
 _NO_WOOD = ("cover", "blanket", "cushion", "pillow", "soft", "shade", "mattress", "throw")
 
 

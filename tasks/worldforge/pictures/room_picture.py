@@ -25,36 +25,36 @@ from .room_lights import room_lighting
 from .room_looks import Looks
 
 EYE_M = 1.45
-"""Height of the camera above the floor: that of photographs of rooms."""
+"""Height of the camera above the floor, in metres: that of photographs of rooms."""
 
 _FOV_DEG = 67.0
-"""Angle of view from left to right: wider ones draw things at the edges out of shape."""
+"""Angle of view from left to right, in degrees: wider ones draw things at the edges out of shape."""
 _DROP = 0.15
 """Distance of the picture's middle below the horizon, over its distance: one sees more of floors than of ceilings."""
 _BEHIND_M = (0.55, 1.1, 1.7)
-"""Distances behind a wall at which a camera may stand that sees through it: rooms are smaller than views are wide."""
+"""Distances in metres behind a wall at which a camera may stand that sees through it: rooms are small."""
 _ALONG = (0.2, 0.4, 0.6, 0.8)
-"""Places along a wall behind which it may stand."""
+"""Places along a wall, as shares of its length, behind which a camera may stand."""
 _WALL_COST = 0.1
-"""Less for a view through a wall, for each metre: the camera stands in the room where it can."""
+"""Cost of a view through a wall, for each metre behind it: the camera stands in the room where it can."""
 _WALL_HALF_M = 0.12
-"""Walls, curtains and skirtings are nearer to a room's outline than this."""
+"""Distance from a room's outline, in metres, within which walls, curtains and skirtings are."""
 _FROM_WALL_M = 0.28
 _STEP_M, _MOST_STEPS = 0.8, 5
-"""Distance between places where the camera might stand, and steps between a room's walls at most."""
+"""Distance between places where the camera might stand, in metres, and largest number of steps between two walls."""
 _LOOK = (26, 16)
-"""Rays of a look from a place where the camera might stand, to the right and down."""
+"""Numbers of rays, to the right and down, of a look from a place where the camera might stand."""
 _TOLD_SHARE, _MAIN_SHARE = 0.012, 0.03
-"""Share of the picture from which one knows a piece of furniture, and one that makes a room what it is."""
+"""Shares of the picture from which one knows a piece of furniture, and one that makes a room what it is."""
 _TOLD_FROM_M = 1.0
-"""Nearer furniture is cut by the picture's edge."""
+"""Least distance of furniture that one knows, in metres; nearer pieces are cut by the picture's edge."""
 _NEAR_M, _BEFORE_EYES_M = 1.0, 0.5
 _FOREGROUND_M = 1.7
-"""Furniture that is nearer hides what lies behind it."""
+"""Distance below which furniture hides what lies behind it, in metres."""
 _BUILDING = ("wall_", "floor_", "ceiling_", "window_", "curtain_", "blind_", "skirting_", "doorframe_")
 """Beginnings of the names of what a room is made of: it may be near."""
 _BESIDE_M, _BEFORE_SHARE = 2.2, 0.8
-"""Distance of such things at the sides that is too near, and the share of the usual distance that is in the middle."""
+"""Distance in metres of tall things at the sides that is too near; share of the usual distance in the middle."""
 _TALL_M, _BEFORE_M = 1.15, 2.6
 """Height and distance of furniture, such as a floor lamp, that stands before the eyes in the middle of a picture."""
 _CUT = 2.0
