@@ -37,7 +37,7 @@ AXES_KEYS = (AXES, "design", "points", "include", "exclude", SEEDS, VALUE)
 MAX_JOBS = 100_000
 """Limit on the jobs of a step: all their requests are in memory together, at a few kilobytes each."""
 _MAX_TAG_CHARACTERS = 256
-"""As of all values of tags."""
+"""Maximum number of characters of an axis's value, which is the value of a tag."""
 
 Scalar: TypeAlias = str | int | float | bool
 StepCell = Mapping[str, Scalar]

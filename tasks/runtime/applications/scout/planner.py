@@ -108,7 +108,7 @@ _SNAP_M = 0.5
 """Maximum distance in metres by which a start or goal is moved to a cell where the robot fits."""
 
 Path = NDArray[np.float64]
-"""Points of shape (n, 2), metres."""
+"""Points of a path, shape (n, 2), in metres."""
 
 WayKind = Literal["free", "tight", "pushing"]
 """Kind of path: `free` has a margin, `tight` just fits, `pushing` goes through obstacles that are not on the map."""
