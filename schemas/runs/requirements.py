@@ -123,7 +123,10 @@ def rooms_asked(request: JobRequest) -> list[tuple[str, str]]:
 
 
 def _placed_requirements(request: JobRequest) -> tuple[str, list[JobRequirement]]:
-    """Returns a request's requirements, with the path of the member that has them."""
+    """Returns a request's requirements, with the path of the member that has them.
+
+    Raises InvalidParameterException if a launch variable has no valid requirements, or others than the member.
+    """
     place, requirements = given_once(request, "requirements", REQUIREMENTS_VARIABLE, parse_requirements)
     return place, requirements or []
 

@@ -348,6 +348,9 @@ def give_up_rights(level: BoxLevel, rules: Sequence[Rules] = ()) -> None:
         level: Sandbox level: `box` gives up the privileges over the box that the process is already in; `landlock`
             applies rules; `none` does nothing more.
         rules: Landlock rules.
+
+    Raises:
+        OSError: The kernel refuses.
     """
     if level == "none":
         return

@@ -373,7 +373,10 @@ def source_for_this_machine(sources: list[StoredSource]) -> StoredSource:
 
 
 def _of_run(code: Code, run_environment: RunEnvironment) -> Code:
-    """Returns an application's code for programs: its archive's files are copied for the run, with the job's world."""
+    """Returns an application's code for programs: its archive's files are copied for the run, with the job's world.
+
+    Raises LaunchError if the copy cannot be made.
+    """
     world = run_environment.world_packages()
     if code.folder is not None:
         code = replace(code, folder=_own_copy(code.folder, run_environment.folder / f"{code.role}-application"))
