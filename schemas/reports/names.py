@@ -95,7 +95,7 @@ def application_name(request: Mapping[str, Any]) -> str | None:
 
 
 def job_name(application: str | None, world: str | None) -> str:
-    """Returns the name of a simulation job: `scout in flat 3`; empty where it has neither application nor world."""
+    """Returns the name of a simulation job: `scout in flat 3`, `job in flat 3` or `scout`; empty if both are `None`."""
     return f"{application or 'job'} in {world}" if world else application or ""
 
 

@@ -30,7 +30,7 @@ class CellAxis(Protocol):
 
     @property
     def listed(self) -> Sequence[Value] | None:
-        """Its values, if it lists them."""
+        """Values of the axis; `None` if it has a range or a distribution."""
         ...
 
     def parse(self, text: Any) -> Value:

@@ -145,7 +145,7 @@ def axes_problems(written: Mapping[str, Any]) -> tuple[Cells | None, list[Reques
         written: The construct as plain values, references resolved; its `value` is not looked at.
 
     Returns:
-        Its cells, if all is right, else the problems, located inside the construct.
+        Its cells and no problems if all is right, else `None` and the problems, located inside the construct.
     """
     try:
         found = StepAxes.model_validate({**written, VALUE: {}})

@@ -94,7 +94,10 @@ class Fault(Model):
     def placed(
         cls, guarantee: Guarantee, said: str, place: Sequence[float] | None = None, room: str | None = None
     ) -> "Fault":
-        """Makes a fault at a position (x and y, metres), which is rounded to millimetres."""
+        """Makes a fault at a position (x and y, metres), which is rounded to millimetres.
+
+        `None` leaves the place, or the room, open.
+        """
         at = None if place is None else (round(float(place[0]), 3) + 0.0, round(float(place[1]), 3) + 0.0)
         return cls(guarantee=guarantee, said=said, room=room, at=at)
 

@@ -498,7 +498,7 @@ class TopicScene:
 
     @property
     def world(self) -> World | None:
-        """World that the robot was in."""
+        """World that the robot was in; `None` if it is not known."""
         return self._read_world()
 
     def position(self, rule: Rule[Any]) -> Sequence[float]:

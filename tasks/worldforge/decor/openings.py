@@ -55,10 +55,10 @@ def wall_halves(wall: Wall, sides: tuple[str, str]) -> Iterator[tuple[str, float
 def pierced_wall(
     number: int, wall: Wall, sides: tuple[str, str], world: World
 ) -> Iterator[tuple[Ornament, Mesh | None]]:
-    """Yields the visible parts of a wall with windows as meshes.
+    """Yields the visible parts of a wall with windows: a mesh for each patterned side, and boxes for each plain one.
 
-    They are meshes because a pattern has to continue from part to part, which boxes with textures of their own do not
-    do.
+    Meshes are needed because a pattern has to continue from part to part, which boxes with textures of their own do not
+    do. For boxes the second value is `None`.
     """
     along_x, at, span = wall_span(wall)
     pieces = _around(span, world.floorplan.ceiling_height_m, windows_in(wall, world), window_heights(world))

@@ -194,6 +194,9 @@ def climb_to_partition(brief: Brief, dice: Random, *, below: float | None) -> Pa
         below: The cost of the best partition of rectangles; nothing unless one with L-shaped rooms costs less. Without
             it, any valid partition will do.
 
+    Returns:
+        The cheapest plan that was found; `None` if none with L-shaped rooms costs less than `below`.
+
     Raises:
         WorldGenerationError: `below` is not given, and no valid partition was met in `MAX_CLIMBS` hill climbs.
     """

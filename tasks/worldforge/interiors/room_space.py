@@ -136,7 +136,7 @@ class RoomSpace:
         return not any(hits(box, zone) for owner, zone in self._zones.items() if owner not in partners)
 
     def is_clear(self, box: Box, tucked: Box | None = None) -> bool:
-        """Whether a rectangle is free of walls and furniture."""
+        """Whether a rectangle is free of walls and furniture; the piece whose footprint is `tucked` does not count."""
         return not hits(box, self._solids if tucked is None else [solid for solid in self._solids if solid != tucked])
 
     def spans(self, side: Side, depth_m: float, front_m: float, *, tall: bool = False) -> list[tuple[float, float]]:

@@ -289,7 +289,10 @@ def piece_geoms(
 
 
 def _physics(solid: Solid, mass_kg: float | None, *, hidden: bool = False) -> str:
-    """Returns attributes of colliding geoms; a loose object's undrawn geoms lie inside those that have mass."""
+    """Returns attributes of colliding geoms; a loose object's undrawn geoms lie inside those that have mass.
+
+    `mass_kg` is `None` for what is no loose object; such geoms that are drawn have no attributes.
+    """
     loose = "" if mass_kg is None else f'mass="{mass_kg if solid.drawn else 0:g}" condim="4" friction="0.8 0.02 0.002"'
     return f'{loose} group="3"'.lstrip() if hidden or not solid.drawn else loose
 

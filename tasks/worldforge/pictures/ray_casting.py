@@ -99,7 +99,10 @@ class RayCaster:
         return bool(self._is_glass.any())
 
     def trace(self, origin: Vector, rays: Array, groups: NDArray[np.uint8] | None = None) -> tuple[Ids, Array, Array]:
-        """Casts rays from one point; returns geom (-1: no hit), distance in metres and normal of each ray."""
+        """Casts rays from one point; returns geom (-1: no hit), distance in metres and normal of each ray.
+
+        `groups` has a 1 for each geom group that rays may hit; `None`: those that cameras see.
+        """
         count = len(rays)
         geoms, distances = np.full(count, -1, np.int32), np.full(count, -1.0)
         normals = np.zeros(3 * count)

@@ -159,7 +159,7 @@ class Sheet:
 
 
 def sheet_world(name: str, arn: str, world: World, preview: bytes | None) -> SheetWorld:
-    """Makes the contact sheet's entry of a world."""
+    """Makes the contact sheet's entry of a world; `preview` is its picture (PNG), or `None` without one."""
     broken = tuple(violations(world.checks)) if world.checks else ()
     plan = world.floorplan
     return SheetWorld(
