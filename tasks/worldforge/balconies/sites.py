@@ -141,7 +141,10 @@ def _at_wall(plan: Floorplan, number: int, host: Room, area: float, ratio: float
 
 
 def line_of(wall: Wall | Window) -> tuple[bool, int, Span]:
-    """Returns whether a wall or window runs along x, its centre line and its ends, in grid units."""
+    """Returns whether a wall or window runs along x, its centre line and its ends, in grid units.
+
+    The ends are coordinates along the line, the lower one first.
+    """
     (x0, y0), (x1, y1) = ((round(x * UNITS_PER_M), round(y * UNITS_PER_M)) for x, y in (wall.start, wall.end))
     if abs(x1 - x0) >= abs(y1 - y0):
         return True, y0, (min(x0, x1), max(x0, x1))

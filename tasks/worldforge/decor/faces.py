@@ -71,7 +71,10 @@ class Face:
 
 
 def wall_span(wall: Wall | Window) -> tuple[bool, float, Span]:
-    """Returns whether a wall or window runs along x, its centre line, and its ends."""
+    """Returns whether a wall or window runs along x, its centre line, and its ends, in metres.
+
+    The ends are coordinates along the line, the lower one first.
+    """
     (x0, y0), (x1, y1) = wall.start, wall.end
     if abs(x1 - x0) >= abs(y1 - y0):
         return True, y0, (min(x0, x1), max(x0, x1))

@@ -126,7 +126,7 @@ _BELOW_M = 0.004
 
 
 def ceilings(world: World) -> Iterator[tuple[Ornament, Mesh]]:
-    """Yields a ceiling for each rectangle of a room inside, invisible from above."""
+    """Yields a ceiling, with its mesh, for each rectangle of a room inside; it is invisible from above."""
     for index, room in enumerate(world.floorplan.rooms):
         if room.is_outdoor:
             continue

@@ -171,7 +171,7 @@ def _before_tip(door: Door) -> Box:
 
 
 def _options(plan: Floorplan, index: int, walls: Sequence[Box]) -> tuple[list[Hanging], str]:
-    """Returns the possible hangings of a door, cheapest first, or the reason why none is possible."""
+    """Returns the possible hangings of a door, cheapest first, and the reason if none is possible, else no text."""
     passage = plan.passages[index]
     others = [other for number, other in enumerate(plan.passages) if number != index]
     west, south, east, north = bounds((passage.start, passage.end))

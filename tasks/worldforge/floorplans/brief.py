@@ -159,7 +159,10 @@ def deviation(actual: float, desired: float) -> float:
 
 
 def clear_span(contact: Contact, plan: Partition) -> tuple[int, int]:
-    """Returns the part of a shared wall that is free for doors, in grid units."""
+    """Returns the part of a shared wall that is free for doors, in grid units.
+
+    Start and end are coordinates along the wall; the end may lie before the start if there is no space.
+    """
     limit = plan.width if contact.horizontal else plan.height
     ends = []
     for at, beyond, inward in ((contact.start, contact.start - 0.5, 1), (contact.end, contact.end + 0.5, -1)):

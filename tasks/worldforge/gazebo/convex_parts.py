@@ -489,7 +489,10 @@ def _surface_cells(triangles: Triangles, longest: NDArray[np.float64], pitch_m: 
 
 
 def _merged_boxes(grid: NDArray[np.bool_]) -> list[tuple[tuple[int, int, int], tuple[int, int, int]]]:
-    """Covers the set cells of a grid with boxes: each grows as far as it can, upwards last."""
+    """Covers the set cells of a grid with boxes: each grows as far as it can, upwards last.
+
+    Each box is its lowest cell, and its numbers of cells along x, y and z.
+    """
     found = []
     left = grid.copy()
     for x, y, z in np.argwhere(grid):

@@ -183,7 +183,7 @@ class RoomSpace:
 
 
 def _shadows(axis: int, strip: Box, boxes: Iterable[Box]) -> list[tuple[float, float]]:
-    """Returns the stretches along an axis in which boxes overlap a strip along it."""
+    """Returns the stretches (low, high) along an axis in which boxes overlap a strip along it, in the boxes' order."""
     across = 1 - axis
     near, far = strip[across] + 1e-6, strip[across + 2] - 1e-6
     return [(box[axis], box[axis + 2]) for box in boxes if box[across] < far and near < box[across + 2]]

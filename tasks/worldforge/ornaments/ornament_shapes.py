@@ -326,7 +326,10 @@ def _turned(profile: Sequence[tuple[float, float]], sections: int = _SECTIONS) -
 
 
 def _tube(path: Sequence[Vector], radius: float, sides: int = 6) -> tuple[Floats, Ints]:
-    """Makes a bent rod along a path, closed at both ends."""
+    """Makes a bent rod along a path, closed at both ends.
+
+    The path must lie in a plane along two axes. Returns points (n, 3) and triangles.
+    """
     line = np.array(path)
     ahead = np.gradient(line, axis=0)
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
@@ -350,7 +353,10 @@ def _tube(path: Sequence[Vector], radius: float, sides: int = 6) -> tuple[Floats
 
 
 def _leaf(root: Vector, turn: float, lean: float, length: float, wide: float) -> tuple[Floats, Ints]:
-    """Makes a closed, thin leaf that grows from its root, leans outwards and hangs a little at its end."""
+    """Makes a closed, thin leaf that grows from its root, leans outwards and hangs a little at its end.
+
+    `turn` is the direction about z, and `lean` the angle from upright, both in radians. Returns points and triangles.
+    """
     out, up, aside = sin(lean), cos(lean), np.array([-sin(turn), cos(turn), 0.0])
     away = np.array([cos(turn), sin(turn), 0.0])
     middle = np.array(root) + 0.55 * length * (out * away + np.array([0.0, 0.0, up]))

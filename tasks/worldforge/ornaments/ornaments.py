@@ -185,7 +185,7 @@ def _grid(columns: int, rows: int) -> tuple[Floats, Floats, Ints]:
 
 
 def joined(parts: Iterable[tuple[Floats, Ints]]) -> tuple[Floats, Ints]:
-    """Joins several meshes into one."""
+    """Joins several meshes, each vertices and triangles, into one."""
     vertices, triangles, count = [], [], 0
     for points, faces in parts:
         vertices.append(points)

@@ -74,7 +74,10 @@ def _mesh(form: str, size: tuple[float, float, float]) -> Mesh:
 
 @lru_cache(maxsize=64)
 def _divided(form: str) -> tuple[Floats, Ints]:
-    """Divides the triangles of a form and rounds them; returns it stretched to a cube of side 1 about the origin."""
+    """Divides the triangles of a form and rounds them; returns vertices and triangles.
+
+    They are stretched to a cube of side 1 about the origin.
+    """
     coarse = FORMS[form]((1.0, 1.0, 1.0))
     mesh = trimesh.Trimesh(coarse.vertices, coarse.triangles, process=True)
     vertices, faces = trimesh.remesh.subdivide_loop(mesh.vertices, mesh.faces, iterations=1 if form in _TWICE else 2)
@@ -110,7 +113,10 @@ def _rounded(form: str, size: Floats) -> Mesh:
 
 @lru_cache(maxsize=1)
 def _grid_cube() -> tuple[Floats, Ints]:
-    """Makes a cube from -1 to 1 with rows of vertices that are close together near its edges; edges are shared."""
+    """Makes a cube from -1 to 1 with rows of vertices that are close together near its edges; edges are shared.
+
+    Returns vertices (n, 3) and triangles.
+    """
     arc = np.linspace(0.5, 1.0, _ARC)
     row = np.concatenate([-arc[::-1], np.linspace(-0.5, 0.5, _FLAT)[1:-1], arc])
     count = len(row)

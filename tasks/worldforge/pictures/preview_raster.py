@@ -160,7 +160,10 @@ class Raster:
             self._draw(rows, columns, rest > 0, z + near, colors + level)
 
     def _windows(self, corners: list[tuple[float, float]]) -> list[tuple[slice, slice]]:
-        """Returns blocks of pixels that cover a convex face; a large face is cut into strips that follow it closely."""
+        """Returns blocks of pixels that cover a convex face; a large face is cut into strips that follow it closely.
+
+        Each block is its rows and its columns; there is none if the face lies outside the picture.
+        """
         width, height = self.view.size
         x_low, x_high = min(x for x, _ in corners), max(x for x, _ in corners)
         y_low, y_high = min(y for _, y in corners), max(y for _, y in corners)

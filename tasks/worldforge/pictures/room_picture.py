@@ -234,7 +234,10 @@ def _to_front(camera: Camera, rays: Array) -> Array:
 
 
 def _wall_spots(room: Room) -> Iterator[tuple[tuple[float, float], tuple[float, float]]]:
-    """Yields places on the walls of a room's parts, each with the direction into the room."""
+    """Yields places on the walls of a room's parts, each with the direction into the room.
+
+    Places are x and y in metres, a little inside; directions are unit vectors.
+    """
     for x0, y0, x1, y1 in room_rects(room):
         for share in _ALONG:
             x, y = x0 + share * (x1 - x0), y0 + share * (y1 - y0)

@@ -190,7 +190,7 @@ class _Reach(NamedTuple):
 
 
 def goals_of(world: World) -> list[tuple[str, Point]]:
-    """Returns the goals of rooms, and those that the notes of an imported world name."""
+    """Returns name and position of the goals of rooms, and of those that the notes of an imported world name."""
     named = world.source.goals if isinstance(world.source, GazeboSource) else {}
     return [*((room.name, room.goal) for room in world.floorplan.rooms), *named.items()]
 
