@@ -210,7 +210,10 @@ def _read(path: Path) -> _Map:
 
 
 def _without_specks(free: Cells, resolution_m: float) -> Cells:
-    """Clears occupied cells in groups too small for a wall: legs of chairs, people who walked by, a lidar's noise."""
+    """Clears occupied cells in groups too small for a wall: legs of chairs, people who walked by, a lidar's noise.
+
+    Returns a new mask of free cells.
+    """
     found = ndimage.label(~free, np.ones((3, 3)))[0]  # pyright: ignore[reportIndexIssue]
     parts: NDArray[np.int64] = np.asarray(found).astype(np.int64)
     small = np.bincount(parts.ravel()) * resolution_m**2 < _SPECK_M2

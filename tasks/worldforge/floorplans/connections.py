@@ -134,9 +134,9 @@ def _next_pair(
 
 
 def _opening(plan: Partition, pair: Pair, shared: list[Contact], *, requested: bool) -> list[Way]:
-    """Replaces the longest shared wall of two rooms by an opening, from corner to corner.
+    """Replaces the longest shared wall of two rooms by an opening, from corner to corner, and returns it in a list.
 
-    It does nothing if that wall is too short.
+    The list is empty if that wall is too short.
     """
     if not shared or not opening_fits(shared[0], plan):
         return []

@@ -124,7 +124,10 @@ def find_partition(brief: Brief, seed: PlanSeed, dice: Random) -> Partition:
 
 
 def shortlists(brief: Brief) -> list[Shortlist]:
-    """Returns the candidate floor plans to choose from: in a rectangle, in one with notches, and set back freely."""
+    """Returns the candidate floor plans to choose from: in a rectangle, in one with notches, and set back freely.
+
+    Lists without a valid plan are left out.
+    """
     found = (shortlist(brief), *notched_shortlists(brief), setback_shortlist(brief))
     return [plans for plans in found if plans.cost.size]
 

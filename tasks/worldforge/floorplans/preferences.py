@@ -44,6 +44,9 @@ def forbidden_together(requests: Collection[Pair], pair: Pair) -> list[Pair]:
     Args:
         requests: Pairs of rooms, lower number first.
         pair: The one that a plan misses.
+
+    Returns:
+        The connections, the given one among them; empty if some plan has all.
     """
     rooms = sorted({room for request in requests for room in request})
     for walls in _FORBIDDEN:

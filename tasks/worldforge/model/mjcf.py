@@ -332,7 +332,7 @@ def _geom(solid: Solid, physics: str = "") -> str:
 
 
 def _cylinder(axis: Axis, half: tuple[float, float, float]) -> tuple[str, str]:
-    """Returns the MJCF attributes' texts `size` and `quat` of a cylinder along an axis, from its half extents."""
+    """Returns the MJCF texts of size and rotation of a cylinder along an axis, from its half extents on x, y and z."""
     index = "xyz".index(axis)
     radius = half[(index + 1) % 3]
     return _numbers(radius, half[index]), CYLINDER_QUAT[axis]

@@ -104,10 +104,7 @@ def map_faults(world: World, site: Site, read: OccupancyGrid, *, as_described: b
 
 
 def _places(cells: Cells, grid: OccupancyGrid) -> Iterator[tuple[int, Point]]:
-    """Yields the largest groups of cells: their size, and the position of one cell.
-
-    Positions are in metres; a few of the largest groups are enough.
-    """
+    """Yields the three largest groups of connected cells: their number of cells, and the place of one in metres."""
     if not cells.any():
         return
     found, count = ndimage.label(cells, np.ones((3, 3)))  # pyright: ignore[reportGeneralTypeIssues]

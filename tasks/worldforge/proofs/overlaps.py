@@ -221,7 +221,7 @@ def _settle(model: mujoco.MjModel, data: mujoco.MjData, span_s: float, watched_s
     """Simulates with every body awake at first; bodies at rest fall asleep later, which saves time.
 
     Bodies that are asleep from the beginning would have no contacts and never move: a floating or half-sunk book would
-    pass.
+    pass. `data` is advanced by `span_s` seconds, or less if all bodies fall asleep; none does in the first `watched_s`.
     """
     watched_s = min(watched_s, span_s)
     awake = model.opt.enableflags
