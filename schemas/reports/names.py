@@ -220,7 +220,7 @@ def _beginning(own: str, others: set[str]) -> str:
 
 
 def _numbered(names: Sequence[str]) -> list[str]:
-    """Gives those that repeat a number that makes them unique: `scout`, `scout (2)`."""
+    """Returns names of which those that repeat have a number that makes them unique: `scout`, `scout (2)`."""
     taken, found = set(names), list[str]()
     seen: set[str] = set()
     for name in names:

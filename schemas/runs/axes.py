@@ -38,7 +38,7 @@ _NUMBER = re.compile("[a-z][a-z0-9_]*")
 
 
 def _well_named(axes: dict[str, Axis]) -> dict[str, Axis]:
-    """Raises an error for invalid axis names, and for two axes that change the same quantity.
+    """Raises ValueError for invalid axis names, and for two axes that change the same quantity; else returns the axes.
 
     Axes of variables and of numbers have names of different forms, so that a column in a table of several jobs has one
     type.

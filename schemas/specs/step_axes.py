@@ -104,7 +104,7 @@ class _SpreadAxis(NumberAxis):
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Refuses to be bound: references bring its values into requests."""
+        """Raises NotImplementedError: references bring the values of such an axis into requests."""
         raise NotImplementedError
 
     def parse(self, text: Any) -> float:

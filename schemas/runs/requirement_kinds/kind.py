@@ -348,7 +348,7 @@ class Rule(ABC, Generic[Asked]):
 
     @abstractmethod
     def bind(self, scene: Scene) -> Look:
-        """Connects the rule to a simulation.
+        """Connects the rule to a simulation, and returns the function that checks it at a simulated time.
 
         Raises:
             RequirementError: The requirement cannot be judged in this simulation, such as for a body, room or function

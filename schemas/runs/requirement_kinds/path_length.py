@@ -55,7 +55,10 @@ class PathLengthRule(Rule[PathLengthRequirement]):
         self._goal = goal_named(self.asked.goal, before)
 
     def bind(self, scene: Scene) -> Look:
-        """Connects the rule to a simulation: sums up the path, and measures the shortest path at its start."""
+        """Connects the rule to a simulation; returns the check that sums up the path.
+
+        At the path's start it also measures the shortest path to the goal.
+        """
         position, floor = scene.position(self), scene.floor(self)
         goal = self._goal.asked if self._goal is not None else None
         polygon = None if goal is None or goal.room is None else self.polygon(goal.room, scene)

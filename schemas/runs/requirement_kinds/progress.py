@@ -58,7 +58,7 @@ class ProgressRule(Rule[ProgressRequirement]):
         self._goal = goal_named(self.asked.until, before)
 
     def bind(self, scene: Scene) -> Look:
-        """Connects the rule to a simulation: measures how long the body stays within a radius."""
+        """Connects the rule to a simulation; returns the check that measures how long the body stays near one place."""
         position = scene.position(self)
         return lambda time_s: self.update(time_s, (float(position[0]), float(position[1])))
 

@@ -279,7 +279,7 @@ def _steps(cells: Cells) -> list[tuple[tuple[int, int], tuple[int, int]]]:
 
 
 def _straight(corners: Corners, near: int) -> Corners:
-    """Straightens a room's outline: moves short edges at most `near` cells onto the lines of longer ones."""
+    """Returns a room's outline with short edges, of at most `near` cells, moved onto the lines of longer ones."""
     lines: tuple[dict[int, int], dict[int, int]] = ({}, {})
     edges = list(zip(corners, [*corners[1:], *corners[:1]], strict=True))
     for one, other in sorted(edges, key=lambda edge: -abs(edge[0][0] - edge[1][0]) - abs(edge[0][1] - edge[1][1])):

@@ -146,7 +146,7 @@ def _opening(plan: Partition, pair: Pair, shared: list[Contact], *, requested: b
 def _doorways(
     plan: Partition, pair: Pair, shared: list[Contact], count: int, dice: Random, *, requested: bool
 ) -> list[Way]:
-    """Spreads doorways over two rooms' shared walls, at random places; fewer if fewer fit."""
+    """Returns doorways spread over two rooms' shared walls, at random places: `count` of them, or as many as fit."""
     places = [contact for contact in shared for _ in range(door_capacity(contact, plan))]
     chosen = dice.sample(places, min(count, len(places)))
     ways = []
@@ -200,7 +200,7 @@ def floor_ratios(plan: Partition) -> list[float]:
 
 
 def _inset(plan: Partition, corners: Corners) -> Corners:
-    """Moves a room's corners inwards by half the thickness of the walls there.
+    """Returns a room's corners moved inwards by half the thickness of the walls there.
 
     The room is to the left of every edge.
     """

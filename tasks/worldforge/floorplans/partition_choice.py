@@ -222,9 +222,11 @@ def _only_room(brief: Brief, dice: Random) -> Partition:
 
 
 def _varied(lists: list[Shortlist], place: tuple[int, int], dice: Random) -> Partition:
-    """Varies the side lengths of a plan slightly at random.
+    """Returns a plan whose side lengths are varied slightly at random.
 
-    The plan is unchanged if that would break a preference or change its form.
+    The plan is unchanged if that would break a preference or change its form. `place` is the number of its list, and
+    its
+    number there.
     """
     best, number = lists[place[0]], place[1]
     columns = np.full(_DRAWS + 1, number)
@@ -236,7 +238,7 @@ def _varied(lists: list[Shortlist], place: tuple[int, int], dice: Random) -> Par
 
 
 def _mirrored(plan: Partition, dice: Random) -> Partition:
-    """Mirrors a plan randomly along x, y, both or neither: all are equally good."""
+    """Returns a plan that is mirrored randomly along x, y, both or neither: all are equally good."""
     flip_x, flip_y = dice.random() < 0.5, dice.random() < 0.5
 
     def turn(corners: Corners) -> Corners:

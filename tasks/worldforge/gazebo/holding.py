@@ -36,6 +36,9 @@ def come_to_rest(build: Build) -> Rest:
 
     Args:
         build: Compiles the world.
+
+    Returns:
+        The bodies that have to be held, with reasons, and new poses of the others that moved.
     """
     rest = Rest()
     for overlapping, depth_m in _overlapping(build(rest.held, rest.poses)).items():

@@ -199,7 +199,10 @@ class _Import:
         return found
 
     def _hold_first(self) -> Rest:
-        """Fixes bodies without collision shapes, which would fall for ever, and all loose bodies if requested."""
+        """Returns the bodies to be held from the first on: those without collision shapes, which would fall for ever.
+
+        If requested, all loose bodies are among them.
+        """
         rest = Rest()
         for body in self._bodies:
             if not any(each.solids for each in self._bodies if each is body or each.parent is body):

@@ -183,7 +183,7 @@ def _hex(color: Rgba) -> str:
 def _thinned(
     triangles: NDArray[np.float64], places: NDArray[np.float64] | None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
-    """Reduces the triangles of a mesh: corners snap to a grid that gets coarser until few enough are left.
+    """Returns fewer triangles of a mesh: corners snap to a grid that gets coarser until few enough are left.
 
     The second value has the texture coordinates of the triangles that are left; `None` if there are none.
     """

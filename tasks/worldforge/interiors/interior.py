@@ -94,12 +94,12 @@ def furnish(
 def _furnished(
     begin: Callable[[], RoomFurnishing], kinds: Sequence[str], names: Counter[str], *, is_open: bool
 ) -> tuple[RoomFurnishing, list[Preference]]:
-    """Furnishes a room, a second time if essential furniture is missing; reports the pieces that are still missing.
+    """Furnishes a room, a second time if essential furniture is missing, and returns it with the preferences it misses.
 
     Args:
         begin: Makes the empty room.
         kinds: Kinds of furniture to place.
-        names: Pieces of each kind in the world so far.
+        names: Pieces of each kind in the world so far; those of the room are added.
         is_open: Whether the template names no furniture for the room.
     """
     before = names.copy()

@@ -138,7 +138,7 @@ def _style(kind: str, furnished: RoomFurnishing) -> Style:
 
 
 def _lay_table(table: Furniture, furnished: RoomFurnishing) -> list[Furniture]:
-    """Places a plate and a cup in front of the first chairs of a table."""
+    """Returns a plate and a cup in front of each of the first chairs at a table, without those that find no place."""
     laid: list[Furniture] = []
     plate, cup = _style("Plate", furnished), _style("Cup", furnished)
     chairs = [chair for chair in furnished.placed("DiningChairs") if sits_at(chair, table)]
@@ -196,12 +196,13 @@ def _half_extents(style: Style, turn: float) -> tuple[float, float]:
 def _on_floor(furnished: RoomFurnishing, kinds: Sequence[str], corners: Sequence[Point] = ()) -> list[Furniture]:
     """Places an object, or a pair of shoes, at a free spot on the floor that does not block robots' paths.
 
-    Nothing is placed if no random spot is suitable.
-
     Args:
-        furnished: The room.
+        furnished: The room; the spot is taken in it from then on.
         kinds: Kinds of objects, one of which is chosen.
         corners: Spots beside the paths of robots, for one of many objects; absent: anywhere that suits the object.
+
+    Returns:
+        The object or the two shoes; empty if no random spot is suitable.
     """
     dice, space = furnished.dice, furnished.space
     kind = dice.choice(kinds)

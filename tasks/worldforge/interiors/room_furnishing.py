@@ -330,6 +330,9 @@ class RoomFurnishing:
             style: Style of the piece.
             pose: Pose that was checked before.
             zone: Whether its clearances are kept; a counter in the corner of a kitchen has none.
+
+        Returns:
+            The new piece, which is added to `items`.
         """
         item = Furniture(
             id=self.new_id(kind),

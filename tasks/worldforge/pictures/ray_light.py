@@ -264,9 +264,9 @@ def _shine(caster: RayCaster, lamp: Lamp, hits: Hits) -> tuple[Array, Array]:
 
 
 def _openness(hits: Hits, shape: tuple[int, int], reach_m: float, chosen: NDArray[np.int64]) -> Array:
-    """Share of light from everywhere that reaches chosen pixels past what the picture shows around them.
+    """Returns the share of light from everywhere that reaches chosen pixels past what the picture shows around them.
 
-    Places are asked that lie around the pixel, as far as things reach that take its light.
+    Places are asked that lie around the pixel, as far as things reach that take its light. The result has shape (n,).
     """
     height, width = shape
     mine, rows, columns = hits[chosen], chosen // width, chosen % width
@@ -328,11 +328,11 @@ def _shared(light: Array, hits: Hits, shape: tuple[int, int]) -> Array:
 
 
 def soft_light(hits: Hits, light: Array, shape: tuple[int, int], chosen: NDArray[np.int64]) -> Array:
-    """Evens out light among neighbouring pixels of one surface that looked at different places on the sun.
+    """Returns light evened out among neighbouring pixels of one surface that looked at different places on the sun.
 
     Args:
         hits: What all pixels show.
-        light: Their light, shape (n, channels).
+        light: Their light, shape (n, channels); left as it is.
         shape: Rows and columns of the picture.
         chosen: The pixels that may have some; others have none.
     """

@@ -116,7 +116,7 @@ class RayPicture(RayCaster):
         return np.rint(total.reshape(height, width, 3) * (255 / len(_SUB_PIXELS))).astype(np.uint8)
 
     def before(self, camera: Camera) -> AbstractContextManager[None]:
-        """Lets a camera that stands behind a wall see through it."""
+        """Returns a context in which a camera that stands behind a wall sees through it; for others it does nothing."""
         if camera.front is None:
             return nullcontext()
         place, normal = camera.front
@@ -212,7 +212,7 @@ def _finished(seen: Array, glass: Array, scale: float | None) -> Array:
 
 
 def _developed(seen: Array) -> Array:
-    """Colours of light on film: bright places become pale slowly, and dark ones keep their drawing.
+    """Returns colours of light on film, from 0 to 1: bright places become pale slowly, dark ones keep their drawing.
 
     It is the curve of T. Sobotka's AgX, by the fit of B. Wrensch, with a little more colour.
     """

@@ -183,7 +183,7 @@ def _standing(middle: Vector, half: Vector) -> list[Lamp]:
 
 
 def _one_set(sets: Sequence[list[Lamp]], count: int = 1) -> list[list[Lamp]]:
-    """Merges sets of lamps into one, or a few, that give as much light; none stays none."""
+    """Returns sets of lamps merged into one, or into `count`, that give as much light; empty for no sets."""
     if not sets:
         return []
     # One of each set in turn, and from different parts of them.
