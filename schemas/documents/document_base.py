@@ -72,7 +72,10 @@ class Changes(_Stored):
 
     @classmethod
     def of_members(cls, resource: StoredResource) -> Self:
-        """Reads this update's members from a catalog resource that was listed with only these members."""
+        """Reads this update's members from a catalog resource that was listed with only these members.
+
+        Raises pydantic's ValidationError if a member has a wrong value.
+        """
         return cls.model_validate(resource.document)
 
     @classmethod

@@ -57,7 +57,10 @@ def spec_schema() -> dict[str, Any]:
 
 
 def _step(schema: dict[str, Any]) -> dict[str, Any]:
-    """Returns the schema of a step whose `input` is its operation's request."""
+    """Returns the schema of a step whose `input` is its operation's request.
+
+    `schema`, that of the model, is changed in place, too.
+    """
     schema["properties"]["operation"]["enum"] = sorted(STEPS)
     rules: list[dict[str, Any]] = [
         {

@@ -160,7 +160,7 @@ class WorldChecks(Model):
     )
 
     def absent(self) -> set[str]:
-        """Returns the members that are only written if they were measured."""
+        """Returns the names of optional members that were not measured, and so are not written to `world.json`."""
         return {name for name in ("reachable_m2", "faults", "not_compared") if getattr(self, name) is None}
 
 

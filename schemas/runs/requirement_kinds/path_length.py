@@ -35,7 +35,10 @@ class PathLengthRequirement(RobotRequirement):
     period_s: Seconds = Field(default=0.1, description="Simulated seconds from one check to the next.")
 
     def check_after(self, before: Sequence[RequirementKind]) -> None:
-        """Checks that the goal is listed above this requirement."""
+        """Checks that the goal is listed above this requirement.
+
+        Raises ValueError if it is not.
+        """
         check_goal(self, "goal", before)
 
 

@@ -39,7 +39,10 @@ class ProgressRequirement(RobotRequirement):
     period_s: Seconds = Field(default=0.1, description="Simulated seconds from one check to the next.")
 
     def check_after(self, before: Sequence[RequirementKind]) -> None:
-        """Checks that the goal until which it counts is listed above this requirement."""
+        """Checks that the goal until which it counts is listed above this requirement.
+
+        Raises ValueError if it is not.
+        """
         check_goal(self, "until", before)
 
 

@@ -65,17 +65,26 @@ def keep_identity(user: int, group: int) -> None:
 
 
 def mount_new(kind: str, target: str, attributes: int, options: str = "") -> None:
-    """Mounts a new file system, such as `tmpfs` or `proc`."""
+    """Mounts a new file system, such as `tmpfs` or `proc`.
+
+    Raises OSError if the kernel refuses.
+    """
     _mount(kind, target, kind, attributes, options)
 
 
 def bind(source: str, target: str) -> None:
-    """Bind-mounts a file or folder, with mounts below it, at another path."""
+    """Bind-mounts a file or folder, with mounts below it, at another path.
+
+    Raises OSError if the kernel refuses.
+    """
     _mount(source, target, None, _MS_BIND | _MS_REC, "")
 
 
 def keep_mounts_inside() -> None:
-    """Keeps mounts of this namespace invisible to others."""
+    """Keeps mounts of this namespace invisible to others.
+
+    Raises OSError if the kernel refuses.
+    """
     _mount("none", "/", None, _MS_REC | _MS_SLAVE, "")
 
 
@@ -102,7 +111,10 @@ def change_root(folder: str) -> None:
 
 
 def raise_loopback() -> None:
-    """Activates the loopback interface of a new network namespace."""
+    """Activates the loopback interface of a new network namespace.
+
+    Raises OSError if the kernel refuses.
+    """
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
         request = struct.pack("16sh22x", b"lo", 0)
         (flags,) = struct.unpack_from("h", fcntl.ioctl(any_socket, _SIOCGIFFLAGS, request), 16)
@@ -124,7 +136,10 @@ def forgo_privileges() -> None:
 
 
 def stay_visible() -> None:
-    """Allows the same user to inspect this process again, so that its supervisor can measure it."""
+    """Allows the same user to inspect this process again, so that its supervisor can measure it.
+
+    Raises OSError if the kernel refuses.
+    """
     _check(_LIBC.prctl(_PR_SET_DUMPABLE, 1, 0, 0, 0), "PR_SET_DUMPABLE")
 
 
