@@ -189,6 +189,9 @@ def _door(span: Span, inside: Span, windows: Sequence[Span], dice: Random) -> tu
         inside: Faces of the walls at both ends in the room.
         windows: Windows in the wall.
         dice: The source of chance.
+
+    Returns:
+        The door's ends along the wall in grid units, (0, 0) if it has no place; and the number of lost windows.
     """
     half = RAILING_WALL // 2
     first = max(span[0] + half, inside[0]) + DOOR_CLEARANCE

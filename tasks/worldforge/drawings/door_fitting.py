@@ -144,8 +144,7 @@ def _choose(
     """Returns the nearest inner wall and the nearest outer wall to a drawn door, and the door's width in metres.
 
     A wall is `None` if the door lies in none of its kind. Of the lines that the door may be along, the one nearest to
-    any
-    wall counts. Raises ConfigurationError for a door that is drawn with its swing alone, if both ends of it lie in
+    any wall counts. Raises ConfigurationError for a door that is drawn with its swing alone, if both ends of it lie in
     walls.
     """
     found: list[tuple[float, int, _Near[Contact] | None, _Near[Side] | None, float]] = []

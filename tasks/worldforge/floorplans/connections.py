@@ -67,6 +67,9 @@ def connect(plan: Partition, brief: Brief, dice: Random) -> list[Way]:
         plan: A valid partition.
         brief: The preferences.
         dice: The source of chance.
+
+    Returns:
+        The requested ways as far as they fit, and then others.
     """
     walls = shared_walls(plan)
     ways: list[Way] = []

@@ -81,6 +81,9 @@ def choose_origin(rooms: Sequence[Corners], types: Sequence[RoomType], ways: Seq
         types: Their types.
         ways: The ways between them.
         spots: Candidate positions in each room.
+
+    Returns:
+        The position, in grid units.
     """
 
     def rank(room: int) -> tuple[int, bool, float]:

@@ -225,8 +225,7 @@ def _varied(lists: list[Shortlist], place: tuple[int, int], dice: Random) -> Par
     """Returns a plan whose side lengths are varied slightly at random.
 
     The plan is unchanged if that would break a preference or change its form. `place` is the number of its list, and
-    its
-    number there.
+    its number there.
     """
     best, number = lists[place[0]], place[1]
     columns = np.full(_DRAWS + 1, number)

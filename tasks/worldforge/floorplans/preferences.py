@@ -90,7 +90,9 @@ def _ordered(one: int, other: int) -> Pair:
 
 
 def competing_preferences(brief: Brief, plan: Partition, missed: int) -> str:
-    """Explains which other preferences would have to be given up to satisfy a missed one.
+    """Explains, as the end of a sentence, which other preferences would have to be given up to satisfy a missed one.
+
+    The text says so if no plan satisfies it, or if another plan satisfies all.
 
     Args:
         brief: The preferences, of two rooms or more.

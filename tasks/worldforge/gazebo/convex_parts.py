@@ -336,7 +336,7 @@ def _length(one: tuple[float, float], other: tuple[float, float]) -> float:
 
 
 def _union(one: list[int], other: list[int], edge: tuple[int, int]) -> list[int] | None:
-    """Merges two polygons that share an edge; returns the corners of the result, or `None`.
+    """Merges two polygons that share an edge; returns the corners of the result, or `None` if it would touch itself.
 
     The polygons run through the shared edge in opposite directions.
     """

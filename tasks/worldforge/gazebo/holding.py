@@ -69,7 +69,7 @@ def come_to_rest(build: Build) -> Rest:
 
 
 def pieces_around_joints(model: mujoco.MjModel) -> set[str]:
-    """Returns the fixed objects that a jointed body overlaps, such as a door's frame.
+    """Returns the names of the fixed objects that a jointed body overlaps, such as a door's frame.
 
     Args:
         model: The compiled world.

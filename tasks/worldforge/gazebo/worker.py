@@ -54,10 +54,11 @@ def answer(request: dict[str, Any]) -> dict[str, str]:
     """Imports one Gazebo world on request.
 
     Args:
-        request: The request, a JSON object.
+        request: The request, a JSON object: `path` of the world file, `folder` for the bundle, and the members of
+            `Wishes`.
 
     Returns:
-        An empty answer, or one with the reason why there is no world.
+        `{}`, or `{"error": reason}` if there is no world.
     """
     start = request["start"]
     wishes = Wishes(
