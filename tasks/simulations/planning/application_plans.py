@@ -182,6 +182,13 @@ def plan_applications(request: Mapping[str, Any], run_environment: RunEnvironmen
 def _follow_policy(policy: str, planned: Applications) -> tuple[str, Factory]:
     """Makes the robot application one that follows a policy, from its own files if it has any.
 
+    Args:
+        policy: The policy that the request names.
+        planned: The plans of the applications; that of the robot is replaced.
+
+    Returns:
+        The policy with its whole name, and the factory that makes the agent.
+
     Raises:
         LaunchError: The robot application is a container, whose files cannot be read here.
     """

@@ -41,9 +41,8 @@ def wall_halves(wall: Wall, sides: tuple[str, str]) -> Iterator[tuple[str, float
         wall: The wall.
         sides: Surfaces of its right and left face, looking from its start to its end.
 
-    Returns:
-        For each box: suffix of its name, offset of its middle across the wall, half its thickness (metres), and
-            surface.
+    Yields:
+        Suffix of the box's name, offset of its middle across the wall, half its thickness (metres), and surface.
     """
     right, left = sides
     if (wall.end[0] - wall.start[0]) + (wall.end[1] - wall.start[1]) < 0:

@@ -86,6 +86,9 @@ def decorated_mjcf(world: World) -> tuple[str, dict[str, str]]:
 
     Args:
         world: The world.
+
+    Returns:
+        The text, and the content of each mesh file by its path relative to the model.
     """
     shapes = Shapes()
     made = decorate(world, wall_faces, shapes)

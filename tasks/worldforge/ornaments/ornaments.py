@@ -164,9 +164,9 @@ def color_look(color: Color) -> str:
 
 
 def sheet(corner: Vector, along: Vector, up: Vector, cells: tuple[int, int]) -> tuple[Floats, Ints]:
-    """Makes a parallelogram mesh divided into cells.
+    """Makes a parallelogram mesh divided into cells: vertices and triangles.
 
-    MuJoCo computes light at vertices only, so surfaces under lamps need some.
+    `cells` are their numbers along and up. MuJoCo computes light at vertices only, so surfaces under lamps need some.
     """
     across, upwards, triangles = _grid(*cells)
     return np.array(corner) + across * np.array(along) + upwards * np.array(up), triangles
