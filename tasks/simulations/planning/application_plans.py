@@ -187,7 +187,7 @@ def _follow_policy(policy: str, planned: Applications) -> tuple[str, Factory]:
         planned: The plans of the applications; that of the robot is replaced.
 
     Returns:
-        The policy with its whole name, and the factory that makes the agent.
+        Name of the robot application, and the factory that makes its agent.
 
     Raises:
         LaunchError: The robot application is a container, whose files cannot be read here.

@@ -101,7 +101,7 @@ class RayCaster:
     def trace(self, origin: Vector, rays: Array, groups: NDArray[np.uint8] | None = None) -> tuple[Ids, Array, Array]:
         """Casts rays from one point; returns geom (-1: no hit), distance in metres and normal of each ray.
 
-        `groups` has a 1 for each geom group that rays may hit; `None`: those that cameras see.
+        `groups` has a 1 for each geom group that rays may hit; `None`: those that pictures show, without glass.
         """
         count = len(rays)
         geoms, distances = np.full(count, -1, np.int32), np.full(count, -1.0)
