@@ -94,7 +94,10 @@ _MODULES = {
 if not TYPE_CHECKING:  # type checkers know the names above, and no others
 
     def __getattr__(name: str) -> Any:
-        """Loads a name when it is first used (PEP 562)."""
+        """Loads a name when it is first used (PEP 562).
+
+        The value is kept, so that this is called once for each name. Raises AttributeError for an unknown name.
+        """
         if name == "__version__":
             from importlib.metadata import version
 

@@ -163,7 +163,7 @@ ACTIVE: frozenset[SimulationJobStatus] = frozenset(set(SIMULATION_JOB.states) - 
 
 
 def is_terminal(kind: str, status: str) -> bool:
-    """Returns whether a resource of a kind with a status has reached its final state."""
+    """Returns whether a resource of a kind with a status has reached its final state; false for kinds without one."""
     return kind in LIFECYCLES and status in LIFECYCLES[kind].terminal
 
 

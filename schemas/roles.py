@@ -81,7 +81,10 @@ class Role(Model):
         return bool(self.access_key_id or self.profile or self.block or self.assume_role)
 
     def means(self, arn: str) -> bool:
-        """Returns whether the role applies to the role ARN that a request names."""
+        """Returns whether the role applies to the role ARN that a request names.
+
+        The role's account may be `*`, for all, and its name may end in `*`, for all names that begin so.
+        """
         account, name = account_and_name(self.arn)
         its_account, its_name = account_and_name(arn)
         if account not in ("*", its_account):
@@ -119,6 +122,9 @@ def _closeness(role: Role) -> tuple[bool, int, bool]:
 
 
 def is_within(places: Sequence[str], bucket: str, key: str) -> bool:
-    """Whether an object, or all objects whose keys begin with `key`, are inside one of the allowed bucket places."""
+    """Whether an object, or all objects whose keys begin with `key`, are inside one of the allowed bucket places.
+
+    A place that ends in `*` is all objects whose names begin so; another one is a single object.
+    """
     name = f"{bucket}/{key}"
     return any(name.startswith(place[:-1]) if place.endswith("*") else name == place for place in places)

@@ -238,7 +238,10 @@ def _line(batch: Resource, document: BatchInBrief, counts: dict[str, int]) -> Ba
 
 
 def _look(batch: Resource, verdicts: dict[str, int] | None, total: int) -> Look:
-    """Returns how a batch's state is shown; for a completed batch, how its jobs ended."""
+    """Returns how a batch's state is shown; for a completed batch, how its jobs ended.
+
+    `verdicts` counts its jobs by verdict; `None` if they are not counted. `total` is the number of its requests.
+    """
     if batch.status == "Completed" and verdicts is not None:
         if verdicts.get("ERROR") or sum(verdicts.values()) < total:
             return Look("broken", "some broke")

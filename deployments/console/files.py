@@ -34,7 +34,7 @@ _HEADERS = {
 
 
 def published(place: StoredPlace | None, service: Service) -> dict[str, int]:
-    """Returns names and sizes of a job's uploaded output files; empty without a manifest."""
+    """Returns names and sizes (bytes) of a job's uploaded output files; empty without outputs or without a manifest."""
     if place is None:
         return {}
     try:

@@ -91,7 +91,7 @@ def open_plan(view: WorldView | None, job_id: str) -> Markup | None:
 
 
 def drive_in(view: WorldView | None, run: Path | None) -> str:
-    """Draws the robot's path so far in a running job; empty if unknown on this machine."""
+    """Draws the robot's path so far in a running job; empty if the path, or the plan it is on, is unknown here."""
     path = points_of(note_of(run, PATH_FILE, _MOST_BYTES).decode(errors="replace"))
     if view is None or view.frame is None or not path:
         return ""

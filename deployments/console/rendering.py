@@ -71,7 +71,7 @@ MENU = [(1, "runs", "Runs"), (2, "batches", "Batches"), (3, "jobs", "Jobs"), (4,
 
 
 def ago(moment: datetime) -> str:
-    """Formats how long ago a time was: `3 min ago`; older times in full."""
+    """Formats how long ago a time was: `3 min ago`; from a day on, the date and time in full."""
     seconds = (datetime.now(UTC) - moment).total_seconds()
     if seconds >= 86_400:
         return outcomes.minute(moment)

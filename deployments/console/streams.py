@@ -118,7 +118,7 @@ class Parts:
         self._sent: dict[str, str] = {}
 
     def news(self, parts: Mapping[str, str]) -> Iterator[tuple[str, Any]]:
-        """Yields the page parts that changed since the last call."""
+        """Yields an event `parts` with the HTML of the page parts that changed since the last call; else nothing."""
         changed = {name: html for name, html in parts.items() if self._sent.get(name) != html}
         self._sent.update(changed)
         if changed:

@@ -122,7 +122,10 @@ class Visit:
         return found[0]
 
     def sees(self, arn: str | None) -> bool:
-        """Whether a resource exists that the visitor may see, so that a page may link to it."""
+        """Whether a resource exists that the visitor may see, so that a page may link to it; false for no ARN.
+
+        A visitor who sees everything may get a link to a resource that is deleted.
+        """
         if not arn or self.sees_all:
             return bool(arn)
         return bool(self.seen(self.service.catalog.get_many([arn], ()).values()))

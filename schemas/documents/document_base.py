@@ -72,7 +72,10 @@ class Changes(_Stored):
 
     @classmethod
     def of_members(cls, resource: StoredResource) -> Self:
-        """Reads this update's members from a catalog resource that was listed with only these members."""
+        """Reads this update's members from a catalog resource that was listed with only these members.
+
+        Raises pydantic's ValidationError if a member has a wrong value.
+        """
         return cls.model_validate(resource.document)
 
     @classmethod
@@ -87,7 +90,10 @@ class Brief(Changes):
 
     @classmethod
     def of(cls, resource: StoredResource) -> Self:
-        """Reads this excerpt from a catalog resource; other members of its document are ignored."""
+        """Reads this excerpt from a catalog resource; other members of its document are ignored.
+
+        Raises pydantic's ValidationError if a member has a wrong value.
+        """
         return cls.model_validate(
             {name: resource.document[name] for name in cls.members() if name in resource.document}
         )

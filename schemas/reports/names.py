@@ -96,7 +96,7 @@ def application_name(request: Mapping[str, Any]) -> str | None:
 
 
 def job_name(application: str | None, world: str | None) -> str:
-    """Returns the name of a simulation job: `scout in flat 3`; empty where it has neither application nor world."""
+    """Returns the name of a simulation job: `scout in flat 3`, `job in flat 3` or `scout`; empty if both are `None`."""
     return f"{application or 'job'} in {world}" if world else application or ""
 
 
@@ -237,7 +237,7 @@ def _beginning(own: str, others: set[str]) -> str:
 
 
 def _numbered(names: Sequence[str]) -> list[str]:
-    """Gives those that repeat a number that makes them unique: `scout`, `scout (2)`."""
+    """Returns names of which those that repeat have a number that makes them unique: `scout`, `scout (2)`."""
     taken, found = set(names), list[str]()
     seen: set[str] = set()
     for name in names:

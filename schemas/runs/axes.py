@@ -38,7 +38,7 @@ _NUMBER = re.compile("[a-z][a-z0-9_]*")
 
 
 def _well_named(axes: dict[str, Axis]) -> dict[str, Axis]:
-    """Raises an error for invalid axis names, and for two axes that change the same quantity.
+    """Raises ValueError for invalid axis names, and for two axes that change the same quantity; else returns the axes.
 
     Axes of variables and of numbers have names of different forms, so that a column in a table of several jobs has one
     type.
@@ -93,7 +93,10 @@ class AxisSetting(Model):
 
 
 def number_kind(kind: str) -> type[NumberAxis]:
-    """Returns the class of a numeric kind of axis, by name."""
+    """Returns the class of a numeric kind of axis, by name.
+
+    There must be a kind of this name, and it must be numeric.
+    """
     found = AXIS_KINDS[kind]
     assert issubclass(found, NumberAxis)
     return found

@@ -107,7 +107,7 @@ class Provenance(Model):
 
 
 def _inside(path: str) -> str:
-    """Raises an error for paths that could lead out of the folder into which they are downloaded."""
+    """Returns a path; raises ValueError if it could lead out of the folder into which it is downloaded."""
     if "\0" in path or any(part in ("", ".", "..") for part in path.split("/")):
         raise ValueError(f"{path!r} has to be a relative path without empty, '.' and '..' components")
     return path

@@ -123,7 +123,10 @@ def rooms_asked(request: JobRequest) -> list[tuple[str, str]]:
 
 
 def _placed_requirements(request: JobRequest) -> tuple[str, list[JobRequirement]]:
-    """Returns a request's requirements, with the path of the member that has them."""
+    """Returns the path of the member that has a request's requirements, and the requirements; empty if there are none.
+
+    Raises InvalidParameterException if a launch variable has no valid requirements, or others than the member.
+    """
     place, requirements = given_once(request, "requirements", REQUIREMENTS_VARIABLE, parse_requirements)
     return place, requirements or []
 

@@ -68,6 +68,9 @@ def differs_below(formula: Formula, samples: Samples, signal: str, bound: float)
         samples: Values of its signals.
         signal: Name of the signal.
         bound: Value below which the signal was not measured.
+
+    Returns:
+        The first such comparison; `None` if there is none.
     """
     if not isinstance(formula, Comparison):
         found = (differs_below(part, samples, signal, bound) for part in formula.parts)

@@ -30,7 +30,7 @@ class CellAxis(Protocol):
 
     @property
     def listed(self) -> Sequence[Value] | None:
-        """Its values, if it lists them."""
+        """Values of the axis; `None` if it has a range or a distribution."""
         ...
 
     def parse(self, text: Any) -> Value:
@@ -62,9 +62,9 @@ class Cells:
     most: int
     """Limit on cells times seeds."""
     counted: str = "trials"
-    """Word for what has one cell and one seed."""
+    """Noun in messages for what each cell and seed makes: `trials`, or `jobs` of a step."""
     holder: str = "a job"
-    """Words for what has so many of them."""
+    """Noun in messages for what has them, and a limit of them: `a job`, or `a step`."""
 
     def problems(self) -> list[str]:
         """Returns everything that is wrong, each after the path of its member."""

@@ -221,5 +221,5 @@ class FlakyJobs(Model):
 
     @property
     def exit_code(self) -> int:
-        """Exit code of `robomaker flaky`."""
+        """Exit code of `robomaker flaky`: the highest of those of its jobs; success without jobs."""
         return max((FLAKY_EXIT_CODES[each.answer] for each in self.jobs), default=OK)

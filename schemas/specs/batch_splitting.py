@@ -120,7 +120,7 @@ class EarlierParts:
         return EarlierParts({**output, **lists}, self.with_counts(counts), self._finished(trials))
 
     def with_counts(self, counts: Mapping[str, int]) -> dict[str, int]:
-        """Adds the job counts of the running part to those of the finished parts."""
+        """Returns the job counts of the running part added to those of the finished parts."""
         return dict(Counter(self.counts) + Counter(counts))
 
     def with_trials(self, trials: TrialCounts | None, total: int) -> TrialCounts | None:

@@ -388,7 +388,7 @@ def _scalar(step: Node, key: str) -> Any:
 
 
 def _if_exists(step: MappingNode, operation: str | None) -> IfExists:
-    """The value of a step's `ifExists`, else that which counts where nothing is said."""
+    """Returns the value of a step's `ifExists`, else that which counts where nothing is said."""
     said = _scalar(step, "ifExists")
     return said if said in get_args(IfExists) else IF_EXISTS.get(operation or "", ("fail",))[0]
 

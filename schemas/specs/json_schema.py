@@ -57,7 +57,10 @@ def spec_schema() -> dict[str, Any]:
 
 
 def _step(schema: dict[str, Any]) -> dict[str, Any]:
-    """Returns the schema of a step whose `input` is its operation's request."""
+    """Returns the schema of a step whose `input` is its operation's request.
+
+    `schema`, that of the model, is changed in place, too.
+    """
     schema["properties"]["operation"]["enum"] = sorted(STEPS)
     rules: list[dict[str, Any]] = [
         {
@@ -92,7 +95,7 @@ def _single() -> dict[str, Any]:
 
 
 def _with_references(schema: dict[str, Any]) -> dict[str, Any]:
-    """Allows references in a structure's members, and `forEach` in lists."""
+    """Returns a schema in which a structure's members may be references, and lists may be `forEach`."""
     properties = {name: _flexible(each) for name, each in schema.get("properties", {}).items()}
     if requests := properties.get("createSimulationJobRequests"):
         [items] = [each["items"] for each in requests["anyOf"] if each.get("type") == "array"]
@@ -164,7 +167,10 @@ def _written_out(schema: dict[str, Any]) -> dict[str, Any]:
 
 
 def _allow_body(definitions: dict[str, Any]) -> None:
-    """Changes definitions of a JSON schema: a template body may be a mapping, whose content is described."""
+    """Changes definitions of a JSON schema: a template body may be a mapping, whose content is described.
+
+    `definitions` is changed in place.
+    """
     for operation in STEPS.values():
         properties = definitions[operation.request.__name__].get("properties", {})
         if "templateBody" in properties:

@@ -67,7 +67,10 @@ class _Fold:
     _interpreter: Interpreter = field(default_factory=Interpreter)
 
     def node(self, node: Node, location: Location) -> Node:
-        """Replaces references in a node and all nodes below it."""
+        """Returns a node with the references to parameters in it, and in all nodes below it, replaced by values.
+
+        Those that cannot be replaced are added to `problems`.
+        """
         if isinstance(node, MappingNode):
             self._refuse_secrets(node, location)
             entries = {key: self.node(value, (*location, key)) for key, value in node.entries.items()}

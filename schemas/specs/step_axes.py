@@ -37,7 +37,7 @@ AXES_KEYS = (AXES, "design", "points", "include", "exclude", SEEDS, VALUE)
 MAX_JOBS = 100_000
 """Limit on the jobs of a step: all their requests are in memory together, at a few kilobytes each."""
 _MAX_TAG_CHARACTERS = 256
-"""As of all values of tags."""
+"""Maximum number of characters of an axis's value, which is the value of a tag."""
 
 Scalar: TypeAlias = str | int | float | bool
 StepCell = Mapping[str, Scalar]
@@ -104,7 +104,7 @@ class _SpreadAxis(NumberAxis):
 
     @classmethod
     def bind(cls, rig: Rig) -> Setter:
-        """Refuses to be bound: references bring its values into requests."""
+        """Raises NotImplementedError: references bring the values of such an axis into requests."""
         raise NotImplementedError
 
     def parse(self, text: Any) -> float:
@@ -145,7 +145,7 @@ def axes_problems(written: Mapping[str, Any]) -> tuple[Cells | None, list[Reques
         written: The construct as plain values, references resolved; its `value` is not looked at.
 
     Returns:
-        Its cells, if all is right, else the problems, located inside the construct.
+        Its cells and no problems if all is right, else `None` and the problems, located inside the construct.
     """
     try:
         found = StepAxes.model_validate({**written, VALUE: {}})

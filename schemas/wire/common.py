@@ -34,7 +34,10 @@ _Named = TypeVar("_Named", bound=Named)
 
 
 def text(minimum: int, maximum: int, pattern: str | None = None) -> StringConstraints:
-    """Makes a pydantic constraint for strings: minimum and maximum length in characters, and a pattern."""
+    """Makes a pydantic constraint for strings: minimum and maximum length in characters, and a pattern.
+
+    The pattern has to match the whole text; `None`: any characters.
+    """
     return StringConstraints(
         min_length=minimum, max_length=maximum, pattern=None if pattern is None else f"^(?:{pattern})$"
     )
@@ -196,7 +199,10 @@ Filters = Annotated[list[Filter], ShapeName("Filters"), Field(min_length=1, max_
 
 
 def filter_values(filters: Sequence[Filter] | None) -> dict[str, list[str]]:
-    """Converts a list request's filters to a mapping from name to accepted values."""
+    """Converts a list request's filters to a mapping from name to accepted values.
+
+    `None` is no filter. Filters without a name or without values are left out.
+    """
     return {each.name: each.values for each in filters or () if each.name and each.values}
 
 

@@ -369,6 +369,9 @@ def given_once(
         variable: Name of the launch variable.
         parse: Function that parses plain values; its errors name the given path.
 
+    Returns:
+        The path, and the value; `None` as value if it is not given.
+
     Raises:
         InvalidParameterException: The variable's text is not such a value, or there are two that differ.
     """

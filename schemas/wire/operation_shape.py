@@ -54,7 +54,7 @@ class OperationShape:
     """Whether the operation starts a job that continues after the response."""
 
     method: str = "POST"
-    """HTTP method."""
+    """HTTP method of the operation's requests."""
 
     uri: str | None = None
     """HTTP path, with members in braces, if it differs from the operation's name."""

@@ -59,7 +59,7 @@ class RequestProblem:
 
 
 def nearest(word: str, words: Iterable[str]) -> str:
-    """Returns `did you mean ...?` with the most similar of some words; empty if none is similar."""
+    """Returns `; did you mean 'x'?` with the most similar of some words; empty if none is similar."""
     near = closest(word, words, LEAST_LIKENESS)
     return "" if near is None else f"; did you mean {near!r}?"
 

@@ -94,7 +94,10 @@ class Fault(Model):
     def placed(
         cls, guarantee: Guarantee, said: str, place: Sequence[float] | None = None, room: str | None = None
     ) -> "Fault":
-        """Makes a fault at a position (x and y, metres), which is rounded to millimetres."""
+        """Makes a fault at a position (x and y, metres), which is rounded to millimetres.
+
+        `None` leaves the place, or the room, open.
+        """
         at = None if place is None else (round(float(place[0]), 3) + 0.0, round(float(place[1]), 3) + 0.0)
         return cls(guarantee=guarantee, said=said, room=room, at=at)
 
@@ -157,7 +160,7 @@ class WorldChecks(Model):
     )
 
     def absent(self) -> set[str]:
-        """Returns the members that are only written if they were measured."""
+        """Returns the names of optional members that were not measured, and so are not written to `world.json`."""
         return {name for name in ("reachable_m2", "faults", "not_compared") if getattr(self, name) is None}
 
 
@@ -481,7 +484,7 @@ class World(Model):
 
 
 def bounds(points: Iterable[Point]) -> tuple[float, float, float, float]:
-    """Returns the bounding box of 2D points: west, south, east and north."""
+    """Returns the bounding box of 2D points, of which there is one at least: west, south, east and north."""
     xs, ys = zip(*points, strict=True)
     return min(xs), min(ys), max(xs), max(ys)
 

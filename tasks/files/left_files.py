@@ -70,7 +70,10 @@ def written_anew(path: Path) -> Generator[BinaryIO]:
 
 
 def write_anew(path: Path, *parts: bytes) -> None:
-    """Writes a file atomically: it is complete or absent, even if the process is killed; see `written_anew`."""
+    """Writes a file atomically: it is complete or absent, even if the process is killed; see `written_anew`.
+
+    Raises OSError if the folder cannot be written or the disk is full.
+    """
     with written_anew(path) as file:
         file.writelines(parts)
 

@@ -277,7 +277,11 @@ def _with_moved(world: World, name: str, move: Move) -> tuple[World, list[Change
 
 
 def _without(world: World, name: str) -> tuple[World, list[Change]]:
-    """Removes a piece of furniture together with all objects on it."""
+    """Removes a piece of furniture together with all objects on it.
+
+    The world given stays as it is. Returns the new world, and a change for each removed piece. Raises
+    ConfigurationError if the world has no such piece.
+    """
     piece = _piece(world, name)
     gone = [piece, *_carried(world, piece)]
     rest = [item for item in world.furniture if item not in gone]
@@ -310,7 +314,10 @@ def _place(item: Furniture) -> str:
 
 
 def _instead(name: str, names: Collection[str]) -> str:
-    """Suggests a name for an unknown one: the most similar existing name, else the first ones that exist."""
+    """Suggests a name for an unknown one, to end an error message: `; did you mean 'chair_2'?`, or `; it has ...`.
+
+    The most similar existing name is suggested, else the first ones that exist.
+    """
     if near := get_close_matches(name, names, n=1):
         return f"; did you mean {near[0]!r}?"
     shown = ", ".join(sorted(names)[:_MOST_NAMED])

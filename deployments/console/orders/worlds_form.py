@@ -88,7 +88,7 @@ class WorldsDraft:
         return str(int(self.plans) * int(self.interiors)) if is_known and len(self.plans + self.interiors) < 8 else ""
 
     def with_room(self) -> "WorldsDraft":
-        """Returns the world order form with one more room, if allowed."""
+        """Returns the world order form with one more room; without it if the form has as many as are allowed."""
         more = RoomFields("Bathroom", _free_name(self), "10")
         return replace(self, rooms=(*self.rooms, more)[:MOST_ROOMS])
 
@@ -103,7 +103,7 @@ class WorldsDraft:
         return replace(self, rooms=tuple(self.rooms[number] for number in kept), ways=moved)
 
     def with_way(self) -> "WorldsDraft":
-        """Returns the world order form with one more connection, if allowed."""
+        """Returns the world order form with one more connection; without it if the form has as many as are allowed."""
         return replace(self, ways=(*self.ways, WayFields("0", str(min(1, len(self.rooms) - 1))))[:MOST_WAYS])
 
     def without_way(self, index: int) -> "WorldsDraft":

@@ -30,7 +30,7 @@ def marks_of(result: RunResult) -> list[Mark]:
 
 
 def first_violation(marks: list[Mark]) -> Mark | None:
-    """Returns the earliest missed requirement; `None` if there is none."""
+    """Returns the earliest missed requirement among marks in order of time; `None` if there is none."""
     return next((mark for mark in marks if mark.kind == "violation"), None)
 
 

@@ -180,7 +180,7 @@ def _as_text(value: Any) -> Any:
 
 
 def differ(values: list[str]) -> list[str]:
-    """Raises an error for a list with equal values.
+    """Returns a list of values unless two of them are equal.
 
     Raises:
         ValueError: A value occurs twice.

@@ -67,7 +67,10 @@ class GoalRequirement(RobotRequirement):
         return self.room
 
     def check_after(self, before: Sequence[RequirementKind]) -> None:
-        """Checks that the goal that has to be reached first is listed above this one."""
+        """Checks that the goal that has to be reached first is listed above this one.
+
+        Raises ValueError if it is not.
+        """
         check_goal(self, "after", before)
 
 

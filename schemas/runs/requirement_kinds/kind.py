@@ -182,7 +182,10 @@ class Floor(Protocol):
         ...
 
     def cells(self, polygon: Sequence[Point] | None, radius_m: float) -> Set[int]:
-        """Returns the cells inside a polygon, or of the whole map, that a disc of a radius can pass over."""
+        """Returns the numbers of the cells inside a polygon that a disc of a radius can pass over.
+
+        Lengths are in metres; `None` as polygon is the whole map.
+        """
         ...
 
     def passed(self, start: Point, end: Point, radius_m: float) -> Set[int]:
@@ -204,7 +207,7 @@ class Scene(Protocol):
 
     @property
     def world(self) -> World | None:
-        """Description of the run's world, if it has one."""
+        """Description of the run's world; `None` if it has none."""
         ...
 
     def position(self, rule: "Rule[Any]") -> Sequence[float]:
@@ -256,7 +259,10 @@ class Scene(Protocol):
         ...
 
     def clearance(self, rule: "Rule[Any]") -> Callable[[float], tuple[float, str] | None]:
-        """Returns a function that measures the smallest distance to other objects, in metres."""
+        """Returns a function that measures the smallest distance to other objects, in metres.
+
+        It gets a distance, and returns the distance and name of the nearest object; `None` if none is nearer than that.
+        """
         ...
 
     def function(self, rule: "Rule[Any]", attribute: str) -> Callable[..., Any]:
@@ -342,7 +348,7 @@ class Rule(ABC, Generic[Asked]):
 
     @abstractmethod
     def bind(self, scene: Scene) -> Look:
-        """Connects the rule to a simulation.
+        """Connects the rule to a simulation, and returns the function that checks it at a simulated time.
 
         Raises:
             RequirementError: The requirement cannot be judged in this simulation, such as for a body, room or function

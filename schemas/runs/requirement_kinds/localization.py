@@ -107,7 +107,10 @@ class LocalizationRule(Rule[LocalizationRequirement]):
         return look
 
     def _bind_topics(self, scene: Scene) -> Look:
-        """Connects the rule to recorded topics, and compares each estimate with the true pose at its time."""
+        """Connects the rule to recorded topics; returns the check that compares estimates with true poses.
+
+        Each estimate is compared with the true pose at its time.
+        """
         asked = self.asked
         assert asked.estimate is not None
         assert asked.truth is not None

@@ -48,7 +48,7 @@ class CollisionRule(Rule[CollisionRequirement]):
         self._counts: dict[str, bool] = {}
 
     def bind(self, scene: Scene) -> Look:
-        """Connects the rule to a simulation's contact forces."""
+        """Connects the rule to a simulation's contact forces; returns the check that records them."""
         read = scene.contacts(self)
         return lambda time_s: self.update(time_s, read())
 

@@ -35,7 +35,10 @@ class PathLengthRequirement(RobotRequirement):
     period_s: Seconds = Field(default=0.1, description="Simulated seconds from one check to the next.")
 
     def check_after(self, before: Sequence[RequirementKind]) -> None:
-        """Checks that the goal is listed above this requirement."""
+        """Checks that the goal is listed above this requirement.
+
+        Raises ValueError if it is not.
+        """
         check_goal(self, "goal", before)
 
 
@@ -55,7 +58,10 @@ class PathLengthRule(Rule[PathLengthRequirement]):
         self._goal = goal_named(self.asked.goal, before)
 
     def bind(self, scene: Scene) -> Look:
-        """Connects the rule to a simulation: sums up the path, and measures the shortest path at its start."""
+        """Connects the rule to a simulation; returns the check that sums up the path.
+
+        At the path's start it also measures the shortest path to the goal.
+        """
         position, floor = scene.position(self), scene.floor(self)
         goal = self._goal.asked if self._goal is not None else None
         polygon = None if goal is None or goal.room is None else self.polygon(goal.room, scene)

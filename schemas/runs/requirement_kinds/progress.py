@@ -39,7 +39,10 @@ class ProgressRequirement(RobotRequirement):
     period_s: Seconds = Field(default=0.1, description="Simulated seconds from one check to the next.")
 
     def check_after(self, before: Sequence[RequirementKind]) -> None:
-        """Checks that the goal until which it counts is listed above this requirement."""
+        """Checks that the goal until which it counts is listed above this requirement.
+
+        Raises ValueError if it is not.
+        """
         check_goal(self, "until", before)
 
 
@@ -58,7 +61,7 @@ class ProgressRule(Rule[ProgressRequirement]):
         self._goal = goal_named(self.asked.until, before)
 
     def bind(self, scene: Scene) -> Look:
-        """Connects the rule to a simulation: measures how long the body stays within a radius."""
+        """Connects the rule to a simulation; returns the check that measures how long the body stays near one place."""
         position = scene.position(self)
         return lambda time_s: self.update(time_s, (float(position[0]), float(position[1])))
 

@@ -50,7 +50,7 @@ class TimeLimitRule(Rule[TimeLimitRequirement]):
         return self.asked.limit_s
 
     def margin_until(self, time_s: float) -> tuple[float, str | None] | None:
-        """Returns the time that is left, in seconds; negative beyond the limit."""
+        """Returns the time that is left and its unit, `s`; negative beyond the limit; `None` after an error."""
         return None if self.error is not None else (self.asked.limit_s - time_s, "s")
 
     def _unjudgeable(self) -> str | None:

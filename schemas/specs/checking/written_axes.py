@@ -16,11 +16,11 @@ from ..yaml_nodes import ListNode, MappingNode, Node, ScalarNode
 
 _OPENING = "${{"
 _MAX_TAG_KEY = 128
-"""As of all keys of tags."""
+"""Maximum number of characters of a tag's key, which is an axis's name after a prefix."""
 _CELLS = (("include",), ("exclude",))
 
 KindOf = Callable[[str, Location], Kind | None]
-"""Returns the type of a text with references, at a location of the construct; None for a text without any."""
+"""Function that returns the type of a text with references at a location; `None` for a text without any."""
 
 
 @dataclass

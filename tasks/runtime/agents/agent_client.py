@@ -135,7 +135,10 @@ class FrameBuffer:
 
 
 def words(kind: int, content: dict[str, Any]) -> bytes:
-    """Encodes a JSON message of the agent protocol: header, then ASCII without blanks, members in their given order."""
+    """Encodes a JSON message of the agent protocol: header, then ASCII without blanks, members in their given order.
+
+    Raises ValueError if the content has a number that is not finite.
+    """
     payload = json.dumps(content, separators=(",", ":"), allow_nan=False).encode("ascii")
     return HEADER.pack(len(payload), kind) + payload
 

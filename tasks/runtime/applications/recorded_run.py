@@ -93,7 +93,10 @@ class RecordedRun(dm_env.Environment):
         return self._physics
 
     def requirements_scene(self, plan: RunPlan, read_world: Callable[[], World | None]) -> TopicScene:
-        """Returns the scene (recorded topics) in which requirements are measured."""
+        """Returns the scene (recorded topics) in which requirements are measured.
+
+        `read_world` returns the world that the robot was in, or `None`; it is called when first needed.
+        """
         return TopicScene(self, self._measurements, plan, read_world, calls_functions=self._calls_functions)
 
     def messages_on(self, topic: str) -> Iterator[tuple[float, Any]]:

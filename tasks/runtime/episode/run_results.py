@@ -69,7 +69,7 @@ class Findings:
     """Additional entries of the result by name, as plain JSON values."""
 
     metrics: dict[str, float] = field(default_factory=dict)
-    """Metrics by name (with unit)."""
+    """Metrics of the run by name, each with its unit in the name."""
 
     requirements: list[Requirement] = field(default_factory=list)
     """Judged requirements; an unsatisfied one makes the verdict FAIL, one with an error makes it ERROR."""

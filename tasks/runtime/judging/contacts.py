@@ -43,7 +43,7 @@ class Contacts:
         return sources.max_gap_s if _STATES in types and not sources.contacts_on_touch else math.inf
 
     def look_back(self, time_s: float) -> None:
-        """Makes rules errors if a continuously publishing topic of contacts has been silent for too long by a time."""
+        """Records an error in rules on a continuous topic of contacts that was silent for too long until a time."""
         for source in self.sources:
             if source.messages:  # the end says of a topic that never spoke why that may be
                 source.look_back(time_s)
@@ -104,7 +104,7 @@ class Contacts:
         return None if _is_of(other, _FLOOR) else other
 
     def finish(self, end_s: float) -> None:
-        """Makes rules errors, at the end of the recording, if the robot's contacts could not be recognised in it.
+        """Records an error in rules, at the recording's end, if the robot's contacts could not be recognised in it.
 
         Args:
             end_s: Time of the end in the run, in seconds.
@@ -155,7 +155,7 @@ class Names:
             self._rules.append(rule)
 
     def finish(self) -> None:
-        """Makes rules errors that name objects which the recording does not have: they could not be violated.
+        """Records an error in rules that name objects which the recording lacks: they could not be violated.
 
         A rule that was violated stays as it is.
         """

@@ -106,7 +106,7 @@ class PosePairs:
             self._watch(each)
 
     def _has_one_clock(self, estimate: StampedPose, truths: Sequence[StampedPose]) -> bool:
-        """Returns whether the stamps of both topics have the same clock; makes the rule an error if not.
+        """Returns whether the stamps of both topics have the same clock; records an error in the rule if not.
 
         The clock of a slow simulation falls behind the receive times, so that only poses with equal stamps can show it.
         """
@@ -122,7 +122,7 @@ class PosePairs:
         return False
 
     def _watch(self, truth: StampedPose) -> None:
-        """Makes the rule an error if the robot moved farther than the allowed error in a long gap of the estimates."""
+        """Records an error in the rule if the robot moved farther than the allowed error in a gap of estimates."""
         if truth.time_s < self._asked.from_s:
             return
         since = self._since = truth if self._since is None else self._since

@@ -133,7 +133,7 @@ class TransformPoses:
                 pose.set(matrix)
 
     def _check_parent(self, transform: Any) -> None:
-        """Makes rules errors whose chain of frames has a frame with a new parent, as two nodes may publish it."""
+        """Records an error in rules whose chain of frames has a frame with a new parent: two nodes may publish it."""
         child, parent = bare(transform.child_frame_id), bare(transform.header.frame_id)
         for key, pose in self._poses.items():
             if child not in key:

@@ -90,7 +90,7 @@ class Scan:
     def _is_mounted(self, scan: Any, count: int) -> bool:
         """Determines the lidar's pose on the robot and its ray directions; returns false if the pose is not known.
 
-        An unknown pose and too small a field of view make the rules errors.
+        For an unknown pose, and for too small a field of view, an error is recorded in the rules.
         """
         frame = bare(scan.header.frame_id)
         self._mount = self._tree.relative(self._base, frame)
@@ -115,7 +115,7 @@ class Scan:
         return True
 
     def finish(self) -> None:
-        """Makes rules errors if the lidar never measured anything in some directions: rays may be dead, or blocked."""
+        """Records an error in rules if the lidar never measured anything in some directions: rays may be dead."""
         if not self.source.messages:
             return  # that is an error already
         if not self._has_seen:

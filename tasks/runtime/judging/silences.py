@@ -25,19 +25,19 @@ class Source:
         self.messages = 0
 
     def hear(self, time_s: float) -> None:
-        """Counts a message of a topic at a time in seconds; a too long silence before it makes rules errors."""
+        """Counts a message at a time in seconds; records an error in the rules if the silence before was too long."""
         self.messages += time_s >= 0
         self.look_back(time_s)
         self._last_s = max(self._last_s, time_s)
 
     def look_back(self, time_s: float) -> None:
-        """Makes the topic's rules errors if it has been silent for too long until a time in seconds."""
+        """Records an error in the topic's rules if it was silent for too long until a time in seconds."""
         if time_s - self._last_s > self._max_gap_s + ROUNDING_S:
             words = f"no message on {self.name} from {self._last_s:.2f} to {time_s:.2f} s"
             self._break(f"{words}, longer than max_gap_s ({self._max_gap_s:g} s), so something could have been missed")
 
     def finish(self, end_s: float) -> None:
-        """Makes the topic's rules errors if it was silent for too long at the run's end, or had no message at all."""
+        """Records an error in the topic's rules if it was silent for too long at the run's end, or all the time."""
         if not self.messages and math.isfinite(self._max_gap_s):
             self._break(f"no message on {self.name} could be used")
         self.look_back(end_s)

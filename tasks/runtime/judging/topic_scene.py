@@ -103,7 +103,7 @@ class Measurements:
             self._contacts.take(message, time_s)
 
     def look_back(self, time_s: float) -> None:
-        """Makes rules errors if a topic that they need has been silent for too long until a time in seconds."""
+        """Records an error in rules that need a topic which was silent for too long until a time in seconds."""
         for source in self._steady_sources():
             source.look_back(time_s)
         if self._contacts is not None:
@@ -498,7 +498,7 @@ class TopicScene:
 
     @property
     def world(self) -> World | None:
-        """World that the robot was in."""
+        """World that the robot was in; `None` if it is not known."""
         return self._read_world()
 
     def position(self, rule: Rule[Any]) -> Sequence[float]:

@@ -42,12 +42,18 @@ class ProcessState:
 
 
 def adopt_orphans() -> None:
-    """Makes this process the parent of all descendants whose parents die (child subreaper)."""
+    """Makes this process the parent of all descendants whose parents die (child subreaper).
+
+    Raises OSError if the kernel refuses.
+    """
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
 
 
 def die_with_parent() -> None:
-    """Has the kernel kill this process when its parent ends (`PR_SET_PDEATHSIG`)."""
+    """Has the kernel kill this process when its parent ends (`PR_SET_PDEATHSIG`).
+
+    Raises OSError if the kernel refuses.
+    """
     _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 

@@ -102,7 +102,10 @@ def _describe(error: BaseException, trace: TracebackType | None) -> str:
 
 
 def _without_runtime(trace: TracebackType | None) -> TracebackType | None:
-    """Returns a traceback without this package's leading frames, so that it begins in an application's code."""
+    """Returns a traceback without this package's leading frames, so that it begins in an application's code.
+
+    A traceback that has no other frames stays as it is.
+    """
     start = trace
     while start is not None and _is_of_runtime(start.tb_frame.f_code.co_filename):
         start = start.tb_next

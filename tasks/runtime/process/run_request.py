@@ -37,6 +37,8 @@ def sights_of_run(request: RunRequest) -> list[Sight]:
 
     Paths in environment variables count only if the service or its user has set them: a job cannot choose what it sees.
     Creates the run's own folders if they are missing.
+
+    Raises PermissionError if the folder of the agent's socket is another user's.
     """
     plan = request.plan
     paths = [*python_paths(request.import_path), *paths_in(plan.environment), *request.box.shown]
@@ -65,7 +67,10 @@ def _kept(plan: RunPlan) -> Path | None:
 
 
 def rules_of_run(request: RunRequest) -> Sequence[Rules]:
-    """Returns the access rules of a run for Landlock (kernel sandbox); empty for runs that are confined otherwise."""
+    """Returns the access rules of a run for Landlock (kernel sandbox); empty for runs that are confined otherwise.
+
+    Creates the run's own folders; see `sights_of_run`.
+    """
     return readable_rules(sights_of_run(request)) if request.box.level == "landlock" else ()
 
 

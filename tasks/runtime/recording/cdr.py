@@ -217,7 +217,7 @@ class Columns(NamedTuple):
     """Class of the message."""
 
     template: bytes
-    """CDR encoding of such a message."""
+    """CDR encoding of one message of this class, into which stamps and numbers are put."""
 
     stamps: tuple[int, ...]
     """Byte offsets of the time stamps in the message; a message with several transforms has one each."""

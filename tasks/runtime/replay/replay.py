@@ -362,7 +362,10 @@ def result_difference(first: RunResult | None, again: RunResult | None) -> str |
 
 
 def _judged(requirement: Requirement | None) -> str:
-    """Describes how a requirement was judged, to compare two runs: met, missed, broken or absent, and its margin."""
+    """Describes how a requirement was judged, to compare two runs: met, missed or broken, and its margin.
+
+    It is `absent` for `None`, a requirement that only the other run has.
+    """
     if requirement is None:
         return "absent"
     judged = "met" if requirement.satisfied else "broken" if requirement.error is not None else "missed"

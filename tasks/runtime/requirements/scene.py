@@ -58,7 +58,7 @@ class Scene:
 
     @property
     def world(self) -> World | None:
-        """Description of the run's world, read when first needed."""
+        """Description of the run's world, read when first needed; `None` if the run has no world."""
         return self.read_world()
 
     @cached_property
@@ -141,7 +141,11 @@ class Scene:
         return self._contacts[body].read
 
     def clearance(self, rule: Rule[Any]) -> Callable[[float], tuple[float, str] | None]:
-        """Returns a function that measures the smallest distance in metres from the rule's robot to other objects."""
+        """Returns a function that measures the smallest distance in metres from the rule's robot to other objects.
+
+        The function gets a distance, and returns the distance and the object's name; `None` if nothing is nearer than
+        that.
+        """
         model, body = self.model, self._robot(rule)
         own = robot_geoms(model, body)
         part = own if getattr(rule.asked, "body", None) is None else bodies_below(model, body)[model.geom_bodyid]

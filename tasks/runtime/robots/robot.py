@@ -223,7 +223,7 @@ def add_sensors(spec: mujoco.MjSpec, site: str, kinds: Mapping[str, str]) -> Non
 
 
 def sensor_type(kind: str) -> mujoco.mjtSensor:
-    """Returns MuJoCo's sensor type of a name, such as `GYRO`."""
+    """Returns MuJoCo's sensor type of a name, such as `GYRO`; MuJoCo must have it."""
     return getattr(mujoco.mjtSensor, f"mjSENS_{kind}")
 
 

@@ -153,7 +153,10 @@ class TrotGait(KeepsAttributes):
         )
 
     def _landing(self, leg: int, asked: tuple[float, float], motion: Motion) -> tuple[float, float]:
-        """Returns a foot's landing position: half a stance ahead of its rest position; farther if the body drifts."""
+        """Returns a foot's landing position: half a stance ahead of its rest position; farther if the body drifts.
+
+        It is x and y in the body's frame, in metres.
+        """
         x, y, _ = self._nominal[leg]
         half_stand_s = self._settings.period_s * self._settings.stance_share / 2
         vx, vy = asked[0] - asked[1] * y, asked[1] * x

@@ -69,7 +69,7 @@ class Publication(NamedTuple):
 
 
 def dds_type_name(ros_type: str) -> str:
-    """Converts a ROS message type to its DDS name: `sensor_msgs::msg::dds_::LaserScan_`."""
+    """Converts a ROS type, `sensor_msgs/msg/LaserScan`, to its DDS name, `sensor_msgs::msg::dds_::LaserScan_`."""
     package, kind, name = ros_type.split("/")
     return f"{package}::{kind}::dds_::{name}_"
 
@@ -279,7 +279,10 @@ class Writer:
         """Whether each matched subscriber is a topic recorder, by its handle."""
 
     def write(self, message: bytes) -> None:
-        """Publishes a message (CDR with encapsulation header)."""
+        """Publishes a message (CDR with encapsulation header).
+
+        Padding is added to a message that is no whole number of words.
+        """
         if padding := -len(message) % 4:
             # Cyclone wants whole words; the header's last two bits say how many bytes are none of the message.
             message = message[:3] + bytes((padding,)) + message[4:] + b"\0" * padding

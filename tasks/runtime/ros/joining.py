@@ -95,7 +95,7 @@ class Part:
                 yield from self._of_chunk(content)
 
     def _next(self) -> tuple[int, bytes] | None:
-        """Reads the next record of a recording; None at the end of the file, or if the record is incomplete.
+        """Reads kind and content of a recording's next record; None at the file's end, or if the record is incomplete.
 
         Raises `ValueError` if the record is of a kind or size that this package does not write.
         """

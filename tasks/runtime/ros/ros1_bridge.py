@@ -121,7 +121,7 @@ class Link:
         self._wakes.set()
 
     def receive(self, timeout_s: float) -> tuple[int, memoryview] | None:
-        """Returns the next message from the simulation; `None` if none arrives in time.
+        """Returns kind and content of the next message from the simulation; `None` if none arrives in time.
 
         Raises:
             Gone: The simulation has closed the connection, or sent something else.

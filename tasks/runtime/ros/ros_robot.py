@@ -400,6 +400,9 @@ def _next_goal(
         visited: Whether each goal is visited.
         here: Position of the robot in metres.
         now: Present goal; None: there is none yet.
+
+    Returns:
+        Its x and y in metres.
     """
     left = [(float(x), float(y)) for (x, y), done in zip(goals, visited, strict=True) if not done]
     if now in left:

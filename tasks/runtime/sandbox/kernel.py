@@ -65,22 +65,34 @@ def keep_identity(user: int, group: int) -> None:
 
 
 def mount_new(kind: str, target: str, attributes: int, options: str = "") -> None:
-    """Mounts a new file system, such as `tmpfs` or `proc`."""
+    """Mounts a new file system, such as `tmpfs` or `proc`.
+
+    Raises OSError if the kernel refuses.
+    """
     _mount(kind, target, kind, attributes, options)
 
 
 def bind(source: str, target: str) -> None:
-    """Bind-mounts a file or folder, with mounts below it, at another path."""
+    """Bind-mounts a file or folder, with mounts below it, at another path.
+
+    Raises OSError if the kernel refuses.
+    """
     _mount(source, target, None, _MS_BIND | _MS_REC, "")
 
 
 def keep_mounts_inside() -> None:
-    """Keeps mounts of this namespace invisible to others."""
+    """Keeps mounts of this namespace invisible to others.
+
+    Raises OSError if the kernel refuses.
+    """
     _mount("none", "/", None, _MS_REC | _MS_SLAVE, "")
 
 
 def restrict_mount(target: str, attributes: int, *, below: bool = True) -> None:
-    """Adds restrictions (such as read-only) to a mount, and to all mounts below it."""
+    """Adds restrictions (such as read-only) to a mount, and to all mounts below it unless `below` is false.
+
+    Raises OSError if the kernel refuses.
+    """
     values = struct.pack("QQQQ", attributes, 0, 0, 0)
     flags = _AT_RECURSIVE if below else 0
     done = _LIBC.syscall(_MOUNT_SETATTR, _AT_FDCWD, os.fsencode(target), flags, values, ctypes.c_size_t(len(values)))
@@ -99,7 +111,10 @@ def change_root(folder: str) -> None:
 
 
 def raise_loopback() -> None:
-    """Activates the loopback interface of a new network namespace."""
+    """Activates the loopback interface of a new network namespace.
+
+    Raises OSError if the kernel refuses.
+    """
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
         request = struct.pack("16sh22x", b"lo", 0)
         (flags,) = struct.unpack_from("h", fcntl.ioctl(any_socket, _SIOCGIFFLAGS, request), 16)
@@ -107,7 +122,10 @@ def raise_loopback() -> None:
 
 
 def forgo_privileges() -> None:
-    """Gives up all capabilities for good, also for programs that are executed later."""
+    """Gives up all capabilities for good, also for programs that are executed later.
+
+    Raises OSError if the kernel refuses.
+    """
     _check(_LIBC.prctl(_PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0), "PR_SET_NO_NEW_PRIVS")
     _LIBC.prctl(_PR_CAP_AMBIENT, _PR_CAP_AMBIENT_CLEAR_ALL, 0, 0, 0)
     for capability in range(_MOST_CAPABILITIES):
@@ -118,7 +136,10 @@ def forgo_privileges() -> None:
 
 
 def stay_visible() -> None:
-    """Allows the same user to inspect this process again, so that its supervisor can measure it."""
+    """Allows the same user to inspect this process again, so that its supervisor can measure it.
+
+    Raises OSError if the kernel refuses.
+    """
     _check(_LIBC.prctl(_PR_SET_DUMPABLE, 1, 0, 0, 0), "PR_SET_DUMPABLE")
 
 
@@ -342,6 +363,9 @@ def give_up_rights(level: BoxLevel, rules: Sequence[Rules] = ()) -> None:
         level: Sandbox level: `box` gives up the privileges over the box that the process is already in; `landlock`
             applies rules; `none` does nothing more.
         rules: Landlock rules.
+
+    Raises:
+        OSError: The kernel refuses.
     """
     if level == "none":
         return

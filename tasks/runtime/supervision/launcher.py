@@ -43,7 +43,7 @@ _CLEAN_UP_TIMEOUT_S = 10.0
 _INTERNAL = "InternalServiceError"
 _FORKSERVER = "prefect_robomaker.tasks.runtime.supervision.forkserver"
 OnCrash = Callable[[str, str], None]
-"""Called with a failure code and a reason."""
+"""Function that is called with failure code and reason when a run crashes."""
 
 
 class Launcher:

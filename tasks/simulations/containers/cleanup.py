@@ -39,7 +39,7 @@ class ContainerNote:
 
 
 def note_container(folder: Path, note: ContainerNote) -> None:
-    """Writes the record of a container that a run will create into the run's folder, for its later removal."""
+    """Appends the record of a container that a run will create to a file in the run's folder, for its later removal."""
     with (folder / _NOTES).open("a") as notes:
         notes.write(json.dumps(asdict(note)) + "\n")
 

@@ -118,7 +118,10 @@ class Container:
 
 
 def env_file(variables: Mapping[str, str]) -> str:
-    """Returns the content of a file for the option `--env-file`: one variable per line, with unchanged values."""
+    """Returns the content of a file for the option `--env-file`: one variable per line, with unchanged values.
+
+    Variables whose values do not fit in a line are left out.
+    """
     return "".join(f"{name}={value}\n" for name, value in sorted(variables.items()) if _fits_line(value))
 
 

@@ -213,7 +213,10 @@ def check_gpu(container: Container, name: str) -> None:
 
 
 def _seeded_sandbox(engine: Engine, note: ContainerNote, run_environment: RunEnvironment) -> Sandbox:
-    """Creates a container's folders, filled with what the image has in them; any user may write to them."""
+    """Creates a container's folders, filled with what the image has in them; any user may write to them.
+
+    Raises LaunchError if the engine refuses, or the run was stopped.
+    """
     sandbox = container_sandbox(run_environment.folder, note.role).create()
     sandbox.root.chmod(0o700)  # programs of an image that are root's stay out of the reach of other users
     folders = {path: sandbox.place(path) for path in (HOME, LOGS)}

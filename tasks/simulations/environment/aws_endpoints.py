@@ -116,7 +116,7 @@ def without_refusal(variables: Mapping[str, str]) -> dict[str, str]:
 
 
 def container_data_path(variables: Mapping[str, str]) -> dict[str, str]:
-    """Returns the variable by which AWS SDKs in a container find the service's model files, if the job has one."""
+    """Returns the variable by which AWS SDKs in a container find the service's model files; empty if a job has none."""
     paths = variables.get(DATA_VARIABLE, "").split(os.pathsep)
     found = [f"{AWS}/{name}" for name in (NO_AWS, MODELS) if any(path.endswith(f"{AWS}/{name}") for path in paths)]
     return {DATA_VARIABLE: os.pathsep.join(found)} if found else {}

@@ -107,7 +107,10 @@ def _joined(places: list[str], others: str | None) -> str:
 
 
 def _copy(source: Path, target: Path, *, writable: bool) -> None:
-    """Copies a folder so that all users can read it, also in containers; its owner can write if `writable`."""
+    """Copies a folder so that all users can read it, also in containers; its owner can write if `writable`.
+
+    Raises FileExistsError if `target` exists.
+    """
     shutil.copytree(source, target)
     for path in [*target.rglob("*"), target]:
         path.chmod((0o755 if path.is_dir() else 0o644) if writable else (0o555 if path.is_dir() else 0o444))

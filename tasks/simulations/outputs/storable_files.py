@@ -29,7 +29,7 @@ _LONGEST_NAME = 300
 
 
 def rank(name: str) -> tuple[int, int, bytes]:
-    """Sort key of output files: the most important ones are uploaded first, as space is limited."""
+    """Returns the sort key of an output file: the most important ones are uploaded first, as space is limited."""
     first = FIRST.index(name) if name in FIRST else len(FIRST)
     return first, name.count("/"), os.fsencode(name)
 

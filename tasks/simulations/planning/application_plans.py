@@ -182,6 +182,13 @@ def plan_applications(request: Mapping[str, Any], run_environment: RunEnvironmen
 def _follow_policy(policy: str, planned: Applications) -> tuple[str, Factory]:
     """Makes the robot application one that follows a policy, from its own files if it has any.
 
+    Args:
+        policy: The policy that the request names.
+        planned: The plans of the applications; that of the robot is replaced.
+
+    Returns:
+        Name of the robot application, and the factory that makes its agent.
+
     Raises:
         LaunchError: The robot application is a container, whose files cannot be read here.
     """
@@ -362,7 +369,10 @@ def _code(role: ApplicationRole, application: Resource, run_environment: RunEnvi
 
 
 def source_for_this_machine(sources: list[StoredSource]) -> StoredSource:
-    """Returns the archive of an application for 64-bit x86, or for any architecture, else the first one."""
+    """Returns the archive of an application for 64-bit x86, or for any architecture, else the first one.
+
+    There must be one at least.
+    """
     for source in sources:
         if (source.architecture or "X86_64") == "X86_64":
             return source
@@ -370,7 +380,10 @@ def source_for_this_machine(sources: list[StoredSource]) -> StoredSource:
 
 
 def _of_run(code: Code, run_environment: RunEnvironment) -> Code:
-    """Returns an application's code for programs: its archive's files are copied for the run, with the job's world."""
+    """Returns an application's code for programs: its archive's files are copied for the run, with the job's world.
+
+    Raises LaunchError if the copy cannot be made.
+    """
     world = run_environment.world_packages()
     if code.folder is not None:
         code = replace(code, folder=_own_copy(code.folder, run_environment.folder / f"{code.role}-application"))
@@ -443,7 +456,10 @@ def _programs(
 
 
 def _make_executable(path: Path, bundle: Path | None) -> None:
-    """Makes a file of an archive's copy executable, as some tools make zip archives without that permission."""
+    """Makes a file of an archive's copy executable, as some tools make zip archives without that permission.
+
+    A file outside the copy stays as it is; `None` says that there is no copy.
+    """
     if bundle is not None and path.is_relative_to(bundle):
         path.chmod(path.stat().st_mode | 0o111)
 

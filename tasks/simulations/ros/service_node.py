@@ -67,7 +67,7 @@ def make(folder: str) -> int:
 
 
 def find(_folder: str) -> int:
-    """Returns 0 if the ROS 2 message package of the job services has been built; else raises `ImportError`."""
+    """Returns 0 if ROS 2 and the message package of the job services are installed; else raises ImportError."""
     import_module("rclpy")
     import_module(f"{PACKAGE}.srv")
     return 0

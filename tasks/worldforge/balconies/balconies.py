@@ -113,7 +113,10 @@ def _added(body: WorldTemplateBody, plan: Floorplan, room: TemplateRoom, dice: R
 
 
 def _report(wished: TemplateFloorplan, plan: Floorplan) -> list[Preference]:
-    """Returns all preferences about a floor plan, in the template's order, with the paths that they have there."""
+    """Returns all preferences about a floor plan, in the template's order, with the paths that they have there.
+
+    Those of the plan are taken over; those about balconies and their connections are judged here.
+    """
     outside = _balconies(wished)
     numbers = {
         "Rooms": [number for number, room in enumerate(wished.Rooms) if room.Name not in outside],
@@ -139,7 +142,7 @@ def _report(wished: TemplateFloorplan, plan: Floorplan) -> list[Preference]:
 
 
 def _place(preference: Preference) -> tuple[int, int]:
-    """Returns the place of a preference in the report: building, rooms, connections."""
+    """Returns the sort key of a preference in the report: 0 building, 1 rooms, 2 connections, then the number there."""
     match = _NUMBERED.search(preference.path)
     if match is None:
         return 0, 0

@@ -70,7 +70,10 @@ def _room(site: Site, wished: TemplateRoom) -> Room:
 
 
 def _pierced(wall: Wall, site: Site, balcony: str) -> Iterator[Wall]:
-    """Yields the parts of an outer wall beside and behind a balcony, with the gap of its door."""
+    """Yields the parts of an outer wall beside and behind a balcony, with the gap of its door.
+
+    Over the door, the wall is a lintel; beside it, it reaches the floor.
+    """
     _, _, (start, end) = line_of(wall)
     both = [site.host, balcony]
     stretches = (

@@ -98,7 +98,18 @@ def sites(plan: Floorplan, area_m2: float, ratio: float, hosts: Sequence[str], d
 
 
 def _at_wall(plan: Floorplan, number: int, host: Room, area: float, ratio: float, dice: Random) -> Iterator[Site]:
-    """Yields places at one wall: at its ends, and where the fewest windows are lost."""
+    """Yields places at one wall: at its ends, and where the fewest windows are lost.
+
+    Nothing is yielded if the wall is on no side of the host, or if no balcony fits there.
+
+    Args:
+        plan: The floor plan.
+        number: The wall's number in the plan.
+        host: The room that the balcony belongs to.
+        area: The balcony's preferred area, in square grid units.
+        ratio: Its preferred length over width.
+        dice: The source of chance.
+    """
     wall = plan.walls[number]
     horizontal, at, (start, end) = line_of(wall)
     edge = _edge_of(host, horizontal, at, (start, end))
@@ -130,7 +141,10 @@ def _at_wall(plan: Floorplan, number: int, host: Room, area: float, ratio: float
 
 
 def line_of(wall: Wall | Window) -> tuple[bool, int, Span]:
-    """Returns whether a wall or window runs along x, its centre line and its ends, in grid units."""
+    """Returns whether a wall or window runs along x, its centre line and its ends, in grid units.
+
+    The ends are coordinates along the line, the lower one first.
+    """
     (x0, y0), (x1, y1) = ((round(x * UNITS_PER_M), round(y * UNITS_PER_M)) for x, y in (wall.start, wall.end))
     if abs(x1 - x0) >= abs(y1 - y0):
         return True, y0, (min(x0, x1), max(x0, x1))
@@ -138,7 +152,10 @@ def line_of(wall: Wall | Window) -> tuple[bool, int, Span]:
 
 
 def _edge_of(host: Room, horizontal: bool, at: int, span: Span) -> Span | None:
-    """Returns the ends of the side of a room that a wall is on; `None` if there is none."""
+    """Returns the ends of the side of a room that a wall is on; `None` if there is none.
+
+    All lengths are in grid units: `at` is the wall's line, and `span` its ends along that line.
+    """
     corners = [(round(x * UNITS_PER_M), round(y * UNITS_PER_M)) for x, y in host.polygon]
     for one, other in zip(corners, [*corners[1:], corners[0]], strict=True):
         along, across = (0, 1) if horizontal else (1, 0)
@@ -172,6 +189,9 @@ def _door(span: Span, inside: Span, windows: Sequence[Span], dice: Random) -> tu
         inside: Faces of the walls at both ends in the room.
         windows: Windows in the wall.
         dice: The source of chance.
+
+    Returns:
+        The door's ends along the wall in grid units, (0, 0) if it has no place; and the number of lost windows.
     """
     half = RAILING_WALL // 2
     first = max(span[0] + half, inside[0]) + DOOR_CLEARANCE

@@ -84,7 +84,7 @@ def read_world(folder: Path) -> World:
 
 
 def content_hash(folder: Path) -> str:
-    """Returns the SHA-256 over a world's files, without the preview picture."""
+    """Returns the SHA-256 over a world's files and their paths, in hexadecimal digits, without the preview picture."""
     files = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if path.is_file()}
     return _hash({name: path.read_bytes() for name, path in files.items() if name != PREVIEW_FILE})
 

@@ -31,10 +31,10 @@ def main() -> None:
 
 
 def answer(request: dict[str, str | int]) -> dict[str, str]:
-    """Writes the files of one world; returns their hash.
+    """Generates one world, writes its files, and returns their hash.
 
     Returns:
-        `{"content": hash}`, or `{"error": reason}` when there is no such world.
+        `{"content": hash}`, or `{"error": reason}` if there is no such world or its files could not be written.
     """
     try:
         body = parse_template_body(str(request["body"]))

@@ -90,7 +90,10 @@ def _seen_site(world: World, model: mujoco.MjModel) -> Site:
 
 
 def _map_faults(world: World, site: Site, folder: Path, *, as_described: bool) -> Iterator[Fault]:
-    """Yields the differences between a world's stored map and its model, and other obstacles that a lidar would hit."""
+    """Yields the differences between a world's stored map and its model, and other obstacles that a lidar would hit.
+
+    A map that cannot be read is a fault; the model's own map then stands in for it.
+    """
     try:
         read = _read_map(folder, site.first)
     except ValueError as error:

@@ -106,7 +106,10 @@ def _low_floor(model: mujoco.MjModel, data: mujoco.MjData, point: Point, near_m:
 
 
 def _lowest_surface(model: mujoco.MjModel, data: mujoco.MjData, point: Point, top_m: float) -> float | None:
-    """Returns the lowest surface height at a point that has room for a robot above it; `None` if there is none."""
+    """Returns the lowest surface height at a point that has room for a robot above it; `None` if there is none.
+
+    The search begins a robot's headroom above `top_m`; heights are in metres.
+    """
     found: list[float] = []
     height = top_m + _HEADROOM_M
     for _ in range(_MOST_SURFACES):
@@ -164,7 +167,10 @@ def world_bounds(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[NDArray[np
 def bounds_of_geoms(
     model: mujoco.MjModel, data: mujoco.MjData, geoms: list[int] | NDArray[np.intp]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns the lowest and highest corner of some geoms, by their numbers, of which there is one at least."""
+    """Returns the lowest and highest corner of some geoms, in metres in the world's frame.
+
+    `geoms` has their numbers, of which there is one at least.
+    """
     axes, boxes = data.geom_xmat[geoms].reshape(-1, 3, 3), model.geom_aabb[geoms]
     center = data.geom_xpos[geoms] + (axes @ boxes[:, :3, None])[..., 0]
     reach = (np.abs(axes) @ boxes[:, 3:, None])[..., 0]
@@ -214,7 +220,7 @@ def ground_at(
 
 
 def _around(grid: OccupancyGrid, outline: list[Point]) -> tuple[slice, slice]:
-    """Returns the rows and columns of grid cells around an outline."""
+    """Returns the rows and columns of grid cells around an outline, with a cell more on each side if there is one."""
     found = []
     for axis, count in ((1, grid.occupied.shape[0]), (0, grid.occupied.shape[1])):
         values = [point[axis] - grid.origin[axis] for point in outline]
@@ -251,7 +257,10 @@ def _fill_plane(
     grid: OccupancyGrid,
     supported: NDArray[np.bool_],
 ) -> None:
-    """Marks where a plane is the floor, and where a robot would be behind it: all that is there is solid."""
+    """Marks where a plane is the floor, and where a robot would be behind it: all that is there is solid.
+
+    Both `grid.occupied` and `supported`, the mask of cells that have a floor, are changed in place.
+    """
     normal, place = data.geom_xmat[geom].reshape(3, 3)[:, 2], data.geom_xpos[geom]
     x, y = _centers(grid)
     lowest = floor_m + (LOW_M if normal[2] >= 0 else high_m) - place[2]
@@ -271,7 +280,10 @@ def _fill_terrain(
     grid: OccupancyGrid,
     supported: NDArray[np.bool_],
 ) -> None:
-    """Marks the cells where a height field is level with the floor, and as obstacles those where it is higher."""
+    """Marks the cells where a height field is level with the floor, and as obstacles those where it is higher.
+
+    Both `grid.occupied` and `supported`, the mask of cells that have a floor, are changed in place.
+    """
     field = int(model.geom_dataid[geom])
     rows, columns = int(model.hfield_nrow[field]), int(model.hfield_ncol[field])
     start = int(model.hfield_adr[field])
@@ -289,7 +301,10 @@ def _fill_terrain(
 
 
 def free_start(ground: Ground) -> Point | None:
-    """Returns the free position (metres) nearest to the world's origin where a robot can start; `None` without one."""
+    """Returns the free position (metres) nearest to the world's origin where a robot can start; `None` without one.
+
+    Small pockets of free space do not count, unless there are no others.
+    """
     known = OccupancyGrid(ground.grid.origin, ~ground.free, np.ones_like(ground.free))
     # The origin need not be on the middle of a cell, and half a cell more hides that.
     fits = fitting(known, START_RADIUS_M + RESOLUTION_M)

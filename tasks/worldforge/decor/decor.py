@@ -38,7 +38,11 @@ def furnishings(world: World, faces: Sequence[Face], shapes: Shapes, dice: Rando
 
 
 def _rugs(world: World, dice: Random) -> Iterator[Ornament]:
-    """Yields a rug below each coffee table and one below the foot of each bed."""
+    """Yields a rug below each coffee table and one below the foot of each bed.
+
+    Each is two flat boxes, the rim and the middle. One that would be narrow, or lie partly outside the room, is left
+    out.
+    """
     rooms = {room.name: room for room in world.floorplan.rooms}
     for item in world.furniture:
         if item.model_type not in ("CoffeeTables", "Beds"):

@@ -71,7 +71,10 @@ class Face:
 
 
 def wall_span(wall: Wall | Window) -> tuple[bool, float, Span]:
-    """Returns whether a wall or window runs along x, its centre line, and its ends."""
+    """Returns whether a wall or window runs along x, its centre line, and its ends, in metres.
+
+    The ends are coordinates along the line, the lower one first.
+    """
     (x0, y0), (x1, y1) = wall.start, wall.end
     if abs(x1 - x0) >= abs(y1 - y0):
         return True, y0, (min(x0, x1), max(x0, x1))
@@ -106,7 +109,10 @@ def walls_of_windows(world: World) -> dict[int, Wall]:
 
 
 def windows_in(wall: Wall, world: World) -> list[tuple[int, Span]]:
-    """Lists the windows in a wall: number and ends, in order."""
+    """Lists the windows in an outer wall, in order of place: number in the plan, and ends along the wall in metres.
+
+    Inner walls and lintels have none.
+    """
     if not wall.exterior or wall.lintel:
         return []
     along_x, at, (low, high) = wall_span(wall)

@@ -85,7 +85,10 @@ def lamp_spots(world: World) -> list[Vector]:
 
 
 def _spots(room: Room, count: int) -> list[Vector]:
-    """Returns `count` lamp positions along the middle of a room's largest rectangle."""
+    """Returns lamp positions along the middle of a room's largest rectangle: x, y and reach of the light, in metres.
+
+    There is one lamp if `count` is 1, and there are two otherwise.
+    """
     x0, y0, x1, y1 = max(room_rects(room).tolist(), key=lambda box: (box[2] - box[0]) * (box[3] - box[1]))
     x, y, wide, deep = (x0 + x1) / 2, (y0 + y1) / 2, x1 - x0, y1 - y0
     if count == 1:
@@ -96,7 +99,10 @@ def _spots(room: Room, count: int) -> list[Vector]:
 
 
 def lamp_shades(world: World) -> Iterator[tuple[Ornament, Mesh | None]]:
-    """Yields a lamp shade under the ceiling for each lamp."""
+    """Yields a lamp shade under the ceiling for each lamp.
+
+    All lamps have one mesh, which comes with the first of them; for the others it is `None`.
+    """
     profile = ((0.0, 0.0), (0.1, 0.012), (0.17, 0.04), (0.2, _SHADE_M))
     bowl = turned(profile, 16)
     for index, (x, y, _) in enumerate(lamp_spots(world)):
@@ -120,7 +126,7 @@ _BELOW_M = 0.004
 
 
 def ceilings(world: World) -> Iterator[tuple[Ornament, Mesh]]:
-    """Yields a ceiling for each rectangle of a room inside, invisible from above."""
+    """Yields a ceiling, with its mesh, for each rectangle of a room inside; it is invisible from above."""
     for index, room in enumerate(world.floorplan.rooms):
         if room.is_outdoor:
             continue
@@ -153,7 +159,10 @@ _COLOR = rgb("f3f1ec")
 
 
 def skirting(world: World, faces: Sequence[Face]) -> Iterator[Ornament]:
-    """Yields a skirting board along each wall side, with gaps at doors."""
+    """Yields a skirting board along each wall side, with gaps at doors.
+
+    Walls whose finish has no skirting board, such as tiles, are left out.
+    """
     ends = {end for passage in world.floorplan.passages if passage.door for end in (passage.start, passage.end)}
     for number, face in enumerate(faces):
         if surface_finish(surface_name("wall", face.room)).pattern not in SKIRTED:

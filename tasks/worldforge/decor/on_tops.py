@@ -138,7 +138,11 @@ def _boards(item: Furniture) -> Iterator[_Top]:
 def _set(
     name: str, item: Furniture, top: _Top, wanted: Sequence[str], shapes: Shapes, dice: Random
 ) -> Iterator[Ornament]:
-    """Yields small things at free positions on a surface, each turned a little."""
+    """Yields small things at free positions on a surface, each turned a little.
+
+    A thing that is too high, or finds no free position after some tries, is left out. The areas that the others
+    cover are added to `top.taken`.
+    """
     (px, py, _), (pw, pd, _) = top.part.center, top.part.size
     c, s = turn(item.yaw)
     for number, thing in enumerate(wanted):

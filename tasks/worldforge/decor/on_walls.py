@@ -54,6 +54,9 @@ class _Wall:
         Args:
             wide: Width of the decoration, in metres.
             below: Largest height of furniture below it, in metres.
+
+        Returns:
+            The coordinate along the wall in metres; `None` if there is no such stretch.
         """
         low, high = self.face.inner
         reach = wide / 2 + _FROM_CORNER_M

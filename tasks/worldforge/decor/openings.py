@@ -40,6 +40,9 @@ def wall_halves(wall: Wall, sides: tuple[str, str]) -> Iterator[tuple[str, float
     Args:
         wall: The wall.
         sides: Surfaces of its right and left face, looking from its start to its end.
+
+    Yields:
+        Suffix of the box's name, offset of its middle across the wall, half its thickness (metres), and surface.
     """
     right, left = sides
     if (wall.end[0] - wall.start[0]) + (wall.end[1] - wall.start[1]) < 0:
@@ -55,10 +58,10 @@ def wall_halves(wall: Wall, sides: tuple[str, str]) -> Iterator[tuple[str, float
 def pierced_wall(
     number: int, wall: Wall, sides: tuple[str, str], world: World
 ) -> Iterator[tuple[Ornament, Mesh | None]]:
-    """Yields the visible parts of a wall with windows as meshes.
+    """Yields the visible parts of a wall with windows: a mesh for each patterned side, and boxes for each plain one.
 
-    They are meshes because a pattern has to continue from part to part, which boxes with textures of their own do not
-    do.
+    Meshes are needed because a pattern has to continue from part to part, which boxes with textures of their own do not
+    do. For boxes the second value is `None`.
     """
     along_x, at, span = wall_span(wall)
     pieces = _around(span, world.floorplan.ceiling_height_m, windows_in(wall, world), window_heights(world))
@@ -169,7 +172,11 @@ _OVER_M = 0.13
 
 
 def curtains(world: World, faces: Sequence[Face], shapes: Shapes, dice: Random) -> Iterator[Ornament]:
-    """Yields curtains or blinds at windows."""
+    """Yields curtains or blinds at windows.
+
+    Curtains hang in rooms that usually have them, where furniture leaves space; three of five other windows have a
+    blind.
+    """
     cloth = {room.name: dice.choice(_CLOTHS) for room in world.floorplan.rooms}
     for face in faces:
         for number, span in face.windows:

@@ -37,7 +37,10 @@ _CASING_THICK_M = 0.012
 
 
 def door_parts(door: Door) -> list[Part]:
-    """Makes the parts of a door: leaf, panels and handles."""
+    """Makes the parts of a door: leaf, panels and handles.
+
+    They are in the door's own frame, in metres: x runs from the hinge along the leaf, z upwards from the floor.
+    """
     form, _, finish = door.style.partition(" ")
     main, accent = _FINISHES.get(finish, _FINISHES["white"])
     low, high = door.bottom_m, door.bottom_m + door.leaf_height_m
@@ -54,7 +57,10 @@ def door_parts(door: Door) -> list[Part]:
 
 
 def _relief(form: str, width: float, height: Span, accent: Color) -> Iterator[tuple[str, Span, Span, Color]]:
-    """Yields the raised parts of a door leaf's face: name, extent along the leaf, extent upwards, colour."""
+    """Yields the raised parts of a door leaf's face: name, extent along the leaf, extent upwards, colour.
+
+    Other forms than `panelled`, `glazed` and `boarded` are flat: they have none.
+    """
     low, high = height
     if form == "panelled":
         edge = (0.12, width - 0.12)
@@ -147,7 +153,7 @@ HANDLE_M = 0.06
 
 
 def lintel_over(plan: Floorplan, passage: Passage) -> Wall:
-    """Returns the piece of wall above a doorway (its lintel)."""
+    """Returns the piece of wall above a doorway (its lintel); each doorway of a plan must have one."""
     ends = {passage.start, passage.end}
     return next(wall for wall in plan.walls if wall.lintel and {wall.start, wall.end} == ends)
 
@@ -225,7 +231,7 @@ def door_solids(door: Door, *, closed_frame: bool = False) -> Iterator[Solid]:
 
 
 def cut_door_solids(plan: Floorplan, top_m: float) -> Iterator[Solid]:
-    """Yields the geometry of all doors and frames below a height."""
+    """Yields the geometry of all doors and frames below a height in metres; what reaches above it is cut off there."""
     doors = [passage.door for passage in plan.passages if passage.door]
     for solid in (*doorframe_solids(plan), *(solid for door in doors for solid in door_solids(door))):
         low = solid.center[2] - solid.size[2] / 2

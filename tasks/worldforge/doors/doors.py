@@ -131,7 +131,11 @@ def hang_doors(plan: Floorplan) -> tuple[Floorplan, dict[int, str]]:
 
 
 def _without_cages(plan: Floorplan, reasons: dict[int, str]) -> Floorplan:
-    """Removes doors whose open leaves would together keep a robot out of a room; rarely any."""
+    """Removes doors whose open leaves would together keep a robot out of a room; rarely any.
+
+    The reason for each removed door is added to `reasons`, by passage number. Returns the plan itself if none is
+    removed.
+    """
     doors = [index for index, passage in enumerate(plan.passages) if passage.door]
     walls = [bounds(wall_corners(wall)) for wall in plan.walls if not wall.lintel]
     leaves = [passage.door for passage in plan.passages if passage.door]
@@ -167,7 +171,7 @@ def _before_tip(door: Door) -> Box:
 
 
 def _options(plan: Floorplan, index: int, walls: Sequence[Box]) -> tuple[list[Hanging], str]:
-    """Returns the possible hangings of a door, cheapest first, or the reason why none is possible."""
+    """Returns the possible hangings of a door, cheapest first, and the reason if none is possible, else no text."""
     passage = plan.passages[index]
     others = [other for number, other in enumerate(plan.passages) if number != index]
     west, south, east, north = bounds((passage.start, passage.end))
@@ -190,7 +194,10 @@ def _options(plan: Floorplan, index: int, walls: Sequence[Box]) -> tuple[list[Ha
 
 
 def _hangings(plan: Floorplan, passage: Passage, walls: Sequence[Box]) -> list[Hanging]:
-    """Returns the four hangings of a door: hinges at either jamb, swinging into either room."""
+    """Returns the possible hangings of a door with their costs: hinges at either jamb, swinging into either room.
+
+    There are four, or two where only one side of the door is in a room.
+    """
     (x0, y0), (x1, y1) = passage.start, passage.end
     half = lintel_over(plan, passage).thickness_m / 2
     rooms = [room for room in plan.rooms if room.name in passage.rooms]

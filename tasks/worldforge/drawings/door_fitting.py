@@ -143,7 +143,9 @@ def _choose(
 ) -> tuple[_Near[Contact] | None, _Near[Side] | None, float]:
     """Returns the nearest inner wall and the nearest outer wall to a drawn door, and the door's width in metres.
 
-    Of the lines that the door may be along, the one nearest to any wall counts.
+    A wall is `None` if the door lies in none of its kind. Of the lines that the door may be along, the one nearest to
+    any wall counts. Raises ConfigurationError for a door that is drawn with its swing alone, if both ends of it lie in
+    walls.
     """
     found: list[tuple[float, int, _Near[Contact] | None, _Near[Side] | None, float]] = []
     for number, line in enumerate(drawn.lines):
@@ -175,6 +177,9 @@ def fit_window(
         sides: The outer walls.
         moved: Grid units of the drawing's coordinates.
         file: The drawing.
+
+    Returns:
+        The window, cut off at the wall's ends, or `None` if it fits in no outer wall; and how far it is as drawn.
     """
     path, places = f"{file}#{drawn.name}", _places(drawn.lines, moved)
     wish = f"window {drawn.name} of {max(each.end - each.start for each in places) / UNITS_PER_M:.2f} m"

@@ -180,7 +180,10 @@ def _room(
 
 
 def _windows(drawn: DrawnPlan, walls: Walls, squared: Squared, seed: int) -> tuple[list[Pane], list[Preference]]:
-    """Returns the drawn windows; without any, those that a generated world would have."""
+    """Returns the drawn windows; without any, those that a generated world would have.
+
+    The second value is the outcome of each drawn window. One that crosses an earlier one is left out of the first.
+    """
     if not drawn.windows:
         types: list[FurnishedRoomType] = [room.type for room in drawn.rooms]
         return windows_along(walls.sides, types, Random(seed)), []  # noqa: S311 (chance, not secrecy)

@@ -101,7 +101,10 @@ class _Reader:
         self.labels: list[Label] = []
 
     def walk(self, entities: Iterable[Entity], around: tuple[str, ...], depth: int) -> None:
-        """Collects the shapes of DXF entities, also those inside blocks."""
+        """Collects the shapes of DXF entities, also those inside blocks.
+
+        Shapes, texts and counts of what cannot be read are added to this object's own.
+        """
         doors: list[Part] = []
         for entity in self._visible(entities):
             words = (entity.dxf.layer, *around)
@@ -176,7 +179,10 @@ class _Reader:
             self.shapes += [_shape(line, "door") for line in lines if not belongs(line.points, swings)]
 
     def _parts(self, entity: Entity, words: tuple[str, ...], place: str) -> list[Part]:
-        """Converts a DXF entity to lines and arcs; empty for an entity without an outline."""
+        """Converts a DXF entity to lines and arcs; empty for an entity without an outline.
+
+        An entity without an outline is counted in `unread`.
+        """
         from ezdxf.path import make_path
 
         if entity.dxftype() in ("LWPOLYLINE", "POLYLINE") and entity.has_arc and kind_of_words(words) == "door":

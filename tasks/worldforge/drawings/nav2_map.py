@@ -161,7 +161,10 @@ def _by_size(regions: NDArray[np.int64]) -> list[int]:
 
 
 def map_files(path: Path) -> list[Path]:
-    """Lists the files of a Nav2 map: `map.yaml` and its image."""
+    """Lists the files of a Nav2 map: `map.yaml` and its image.
+
+    Raises ConfigurationError if `map.yaml` cannot be read or is none of a map; the image need not be there.
+    """
     said = _document(path)
     return [path, path.parent / str(said.get("image", ""))]
 
@@ -207,7 +210,10 @@ def _read(path: Path) -> _Map:
 
 
 def _without_specks(free: Cells, resolution_m: float) -> Cells:
-    """Clears occupied cells in groups too small for a wall: legs of chairs, people who walked by, a lidar's noise."""
+    """Clears occupied cells in groups too small for a wall: legs of chairs, people who walked by, a lidar's noise.
+
+    Returns a new mask of free cells.
+    """
     found = ndimage.label(~free, np.ones((3, 3)))[0]  # pyright: ignore[reportIndexIssue]
     parts: NDArray[np.int64] = np.asarray(found).astype(np.int64)
     small = np.bincount(parts.ravel()) * resolution_m**2 < _SPECK_M2
@@ -260,7 +266,7 @@ def _steps_outline(cells: Cells) -> Corners:
 
 
 def _steps(cells: Cells) -> list[tuple[tuple[int, int], tuple[int, int]]]:
-    """Returns the border edges of a room's map cells, each with its cell to the left."""
+    """Returns the border edges of a room's map cells as (start, end) corners, with the room to the left of each."""
     level = np.diff(np.pad(cells, ((1, 1), (0, 0))).astype(np.int8), axis=0)
     upright = np.diff(np.pad(cells, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     east, west, south, north = (np.argwhere(at).tolist() for at in (level > 0, level < 0, upright > 0, upright < 0))
@@ -273,7 +279,7 @@ def _steps(cells: Cells) -> list[tuple[tuple[int, int], tuple[int, int]]]:
 
 
 def _straight(corners: Corners, near: int) -> Corners:
-    """Straightens a room's outline: moves short edges onto the lines of longer ones."""
+    """Returns a room's outline with short edges, of at most `near` cells, moved onto the lines of longer ones."""
     lines: tuple[dict[int, int], dict[int, int]] = ({}, {})
     edges = list(zip(corners, [*corners[1:], *corners[:1]], strict=True))
     for one, other in sorted(edges, key=lambda edge: -abs(edge[0][0] - edge[1][0]) - abs(edge[0][1] - edge[1][1])):

@@ -150,7 +150,10 @@ def _edges(outlines: Outlines, axis: int) -> list[Edge]:
 
 
 def _facing(edges: Sequence[Edge]) -> list[tuple[int, int, float]]:
-    """Returns pairs of edges of two rooms with a wall between them: both indices, and the distance of the edges."""
+    """Returns pairs of edges of two rooms with a wall between them: both indices, and the wall's thickness in metres.
+
+    The first edge is that with the lower coordinate. Rooms may overlap a little: the thickness is then negative.
+    """
     return [
         (one, other, edges[other].at - edges[one].at)
         for one in range(len(edges))
@@ -215,7 +218,7 @@ Step = tuple[Node, Node]
 
 
 def overlap(rooms: Sequence[Corners]) -> tuple[int, int, float] | None:
-    """Finds two rooms that overlap, and the area in square metres; `None` if none do."""
+    """Finds two rooms that overlap: their numbers, and the area in square metres; `None` if none do."""
     boxes = [extent(corners) for corners in rooms]
     owner = np.full((max(box.y1 for box in boxes), max(box.x1 for box in boxes)), -1)
     for number, corners in enumerate(rooms):

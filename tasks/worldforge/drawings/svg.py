@@ -237,7 +237,10 @@ class _Reader:
         self._walk(shown, replace(around, matrix=moved_there, using=(*around.using, shown)), element)
 
     def _fitted(self, element: ET.Element, around: _Around, instance: ET.Element | None) -> None:
-        """Collects the shapes of an `<svg>` or `<symbol>`, fitted into its viewport."""
+        """Collects the shapes of an `<svg>` or `<symbol>`, fitted into its viewport.
+
+        `instance` is the `<use>` element that shows it, whose size counts first; `None` for one that stands itself.
+        """
         size = self._of(element, lambda: viewport_size(element, around.size, instance))
         matrix = around.matrix
         if _tag(element) == "svg":
@@ -332,7 +335,7 @@ def _visibility(element: ET.Element, style: str) -> bool | None:
 
 
 def _text_of(element: ET.Element) -> tuple[str, str | None, str | None]:
-    """Returns the text of a `<text>` element, and its x and y coordinates."""
+    """Returns the text of a `<text>` element, and its x and y coordinates as written; `None` for missing ones."""
     text = " ".join("".join(element.itertext()).split())
     first = next((each for each in element.iter() if each.get("x") and each.get("y")), element)
     return text, first.get("x"), first.get("y")
@@ -357,7 +360,7 @@ _IFC_NAME = re.compile(r"\{[^}]*ifc[^}]*\}name", re.IGNORECASE)
 
 
 def _shown_names(element: ET.Element) -> tuple[str | None, ...]:
-    """Returns the names that people gave an SVG element in drawing programs, the most important first."""
+    """Returns the names that people gave an SVG element, the most important first; `None` for each it does not have."""
     title = next((child.text for child in element if _tag(child) == "title"), None)
     return element.get("data-name"), element.get(f"{_INKSCAPE}label"), title, _ifc_name(element)
 

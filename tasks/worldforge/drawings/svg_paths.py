@@ -162,7 +162,7 @@ def _end(command: str, numbers: Sequence[float], at: Point) -> Point:
 
 
 def _hinge(command: str, numbers: Sequence[float], start: Point, end: Point) -> Point | None:
-    """Returns the centre of a curve if it is an arc of a circle.
+    """Returns the centre of a curve if it is an arc of a circle, else `None`.
 
     Such a curve is an `A` with one radius, or a quarter of a circle.
     """

@@ -224,7 +224,10 @@ def picture_coordinates(model: mujoco.MjModel, shape: Shape, mesh: Mesh) -> NDAr
 
 
 def _projected(model: mujoco.MjModel, shape: Shape, mesh: Mesh) -> NDArray[np.float64]:
-    """Computes texture coordinates by projecting the picture along each face's normal, in the shape's own axes."""
+    """Computes texture coordinates by projecting the picture along each face's normal, in the shape's own axes.
+
+    The result has shape (vertices, 2).
+    """
     axis = np.abs(mesh.normals).argmax(axis=1)
     # Which two axes run along the picture's width and height, by the normal's axis.
     across, up = np.array([2, 0, 0])[axis], np.array([1, 2, 1])[axis]
@@ -241,5 +244,5 @@ def _projected(model: mujoco.MjModel, shape: Shape, mesh: Mesh) -> NDArray[np.fl
 
 
 def linear(value: float) -> float:
-    """Converts an sRGB colour component to linear intensity."""
+    """Converts an sRGB colour component to linear intensity, both from 0 to 1."""
     return value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4

@@ -313,7 +313,7 @@ def matrix_of(quaternion: Vector) -> Matrix:
 
 
 def _material_colors(model: mujoco.MjModel) -> list[Vector]:
-    """Returns the mean colour of every material of the model, textures included."""
+    """Returns the mean colour (RGBA from 0 to 1) of every material of the model, textures included."""
     colors = []
     for material in range(model.nmat):
         color = model.mat_rgba[material].astype(np.float64)
@@ -335,12 +335,15 @@ def texture_pixels(model: mujoco.MjModel, material: int) -> NDArray[np.uint8] | 
 
 
 def texture_name(model: mujoco.MjModel, material: int) -> str:
-    """Returns the name of a material's texture."""
+    """Returns the name of a material's texture; the material must have one."""
     return model.tex(int(model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB])).name
 
 
 def texture_file(scene: Scene, material: int) -> str | None:
-    """Returns the path of a material's texture file among the world's files; `None` if there is no file."""
+    """Returns the path of a material's texture file among the world's files; `None` if there is no file.
+
+    Only PNG files inside the world's own folder count; the path is relative to that folder.
+    """
     texture = int(scene.model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB])
     start = int(scene.model.tex_pathadr[texture]) if texture >= 0 else -1
     if start < 0 or scene.folder is None:
@@ -353,7 +356,7 @@ def texture_file(scene: Scene, material: int) -> str | None:
 
 
 def material_png(scene: Scene, material: int) -> bytes:
-    """Returns a material's texture as PNG."""
+    """Returns a material's texture as PNG: the content of its file, or made from its pixels; it must have a texture."""
     if scene.folder is not None and (name := texture_file(scene, material)) is not None:
         return (scene.folder / name).read_bytes()
     pixels, png = texture_pixels(scene.model, material), BytesIO()

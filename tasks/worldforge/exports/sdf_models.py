@@ -202,7 +202,7 @@ def _light(world: ET.Element) -> None:
 
 
 def _window(world: ET.Element, scene: Scene) -> None:
-    """Points the camera of Gazebo's window at the whole building from the south."""
+    """Adds Gazebo's window to an SDF world, with a camera that looks at the whole building from the south."""
     corners = np.array(scene.world.floorplan.footprint)
     x, y = (corners.max(axis=0) + corners.min(axis=0)) / 2
     width, depth = corners.max(axis=0) - corners.min(axis=0)

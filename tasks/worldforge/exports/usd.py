@@ -101,7 +101,10 @@ def _weigh(prim: Prim, inertia: Inertia) -> None:
 
 
 def _shapes(scene: Scene, shape: Shape, names: PrimNames, looks: Looks) -> list[Prim]:
-    """Returns the USD prims of a shape: one visible and one colliding, or one that is both."""
+    """Returns the USD prims of a shape: one visible and one colliding, or one that is both.
+
+    A shape that neither is seen nor collides has none.
+    """
     seen = shape.drawn and shape.color[3] > 0 and not shape.endless
     pictured = seen and (is_pictured(scene.model, shape) or shape.ceiling)
     as_mesh = shape.kind in _MESHES or pictured
@@ -131,7 +134,7 @@ def _shapes(scene: Scene, shape: Shape, names: PrimNames, looks: Looks) -> list[
 
 
 def _solid(shape: Shape, name: str) -> Prim:
-    """Makes a USD primitive (cube, cylinder, ...) of a colliding shape."""
+    """Makes a USD primitive (cube, plane, sphere, cylinder, ...) of a shape, at its pose in the frame of its link."""
     x, y, z = shape.half
     if shape.kind == "box":
         prim = Prim("Cube", name)

@@ -159,7 +159,10 @@ def deviation(actual: float, desired: float) -> float:
 
 
 def clear_span(contact: Contact, plan: Partition) -> tuple[int, int]:
-    """Returns the part of a shared wall that is free for doors, in grid units."""
+    """Returns the part of a shared wall that is free for doors, in grid units.
+
+    Start and end are coordinates along the wall; the end may lie before the start if there is no space.
+    """
     limit = plan.width if contact.horizontal else plan.height
     ends = []
     for at, beyond, inward in ((contact.start, contact.start - 0.5, 1), (contact.end, contact.end + 0.5, -1)):
@@ -183,7 +186,7 @@ def doors_in(span: int) -> int:
 
 
 def door_capacity(contact: Contact, plan: Partition) -> int:
-    """Returns how many doorways fit into a shared wall."""
+    """Returns how many doorways fit into a shared wall; 0 if none does."""
     start, end = clear_span(contact, plan)
     return max(0, doors_in(end - start))
 
@@ -269,7 +272,10 @@ def choose_sets(sets: Sequence[Set], rooms: Sequence[Room]) -> dict[str, int]:
 def why_unused(
     one_set: TargetedSet, sets: Sequence[TargetedSet], chosen: dict[str, int], rooms: Sequence[Room]
 ) -> tuple[str, PreferenceOutcome]:
-    """Explains why a material or furniture set applies to no room, with the outcome of its preferences."""
+    """Explains why a material or furniture set applies to no room, with the outcome of its preferences.
+
+    The outcome is `missed` if the plan has none of the set's rooms, and `contradictory` if other sets have them all.
+    """
     wanted = targeted(one_set, rooms)
     if not wanted:
         target = one_set.TargetSet

@@ -47,7 +47,10 @@ class Way(NamedTuple):
 
 
 def shared_walls(plan: Partition) -> dict[Pair, list[Contact]]:
-    """Returns the shared walls of every two rooms of a floor plan, longest first."""
+    """Returns the shared walls of every two rooms of a floor plan, longest first.
+
+    Keys are pairs of room numbers, the lower first; rooms that share no wall have no entry.
+    """
     walls: dict[Pair, list[Contact]] = {}
     for contact in contacts(plan.rooms):
         pair = (min(contact.low, contact.high), max(contact.low, contact.high))
@@ -64,6 +67,9 @@ def connect(plan: Partition, brief: Brief, dice: Random) -> list[Way]:
         plan: A valid partition.
         brief: The preferences.
         dice: The source of chance.
+
+    Returns:
+        The requested ways as far as they fit, and then others.
     """
     walls = shared_walls(plan)
     ways: list[Way] = []
@@ -106,7 +112,10 @@ def _grown(rooms: set[int], ways: list[Way]) -> set[int]:
 def _next_pair(
     plan: Partition, brief: Brief, walls: dict[Pair, list[Contact]], ways: list[Way], main: set[int], dice: Random
 ) -> Pair:
-    """Returns the best pair of rooms to connect next: one room is connected already, the other is not."""
+    """Returns the best pair of rooms to connect next: one room is connected already, the other is not.
+
+    At least one pair must have space for a door, else ValueError is raised.
+    """
     degrees = [sum(room in way.pair for way in ways) for room in range(len(plan.rooms))]
 
     def sense(pair: Pair) -> float:
@@ -128,9 +137,9 @@ def _next_pair(
 
 
 def _opening(plan: Partition, pair: Pair, shared: list[Contact], *, requested: bool) -> list[Way]:
-    """Replaces the longest shared wall of two rooms by an opening, from corner to corner.
+    """Replaces the longest shared wall of two rooms by an opening, from corner to corner, and returns it in a list.
 
-    It does nothing if that wall is too short.
+    The list is empty if that wall is too short.
     """
     if not shared or not opening_fits(shared[0], plan):
         return []
@@ -140,7 +149,7 @@ def _opening(plan: Partition, pair: Pair, shared: list[Contact], *, requested: b
 def _doorways(
     plan: Partition, pair: Pair, shared: list[Contact], count: int, dice: Random, *, requested: bool
 ) -> list[Way]:
-    """Spreads doorways over two rooms' shared walls, at random places; fewer if fewer fit."""
+    """Returns doorways spread over two rooms' shared walls, at random places: `count` of them, or as many as fit."""
     places = [contact for contact in shared for _ in range(door_capacity(contact, plan))]
     chosen = dice.sample(places, min(count, len(places)))
     ways = []
@@ -194,7 +203,7 @@ def floor_ratios(plan: Partition) -> list[float]:
 
 
 def _inset(plan: Partition, corners: Corners) -> Corners:
-    """Moves a room's corners inwards by half the thickness of the walls there.
+    """Returns a room's corners moved inwards by half the thickness of the walls there.
 
     The room is to the left of every edge.
     """
@@ -215,7 +224,7 @@ def _half_wall(at: int, limit: int) -> int:
 
 
 def _arm(corners: Corners) -> int:
-    """Returns the narrowest width of a rectangular or L-shaped room."""
+    """Returns the narrowest width of a rectangular or L-shaped room, in grid units."""
     box = extent(corners)
     if len(corners) == 4:
         return min(box.x1 - box.x0, box.y1 - box.y0)

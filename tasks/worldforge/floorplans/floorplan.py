@@ -81,6 +81,9 @@ def choose_origin(rooms: Sequence[Corners], types: Sequence[RoomType], ways: Seq
         types: Their types.
         ways: The ways between them.
         spots: Candidate positions in each room.
+
+    Returns:
+        The position, in grid units.
     """
 
     def rank(room: int) -> tuple[int, bool, float]:
@@ -98,7 +101,10 @@ def choose_origin(rooms: Sequence[Corners], types: Sequence[RoomType], ways: Seq
 
 
 def spots_in(corners: Corners) -> Spots:
-    """Returns a grid of candidate positions in a room."""
+    """Returns a grid of candidate positions in a room's bounding box, with the clearance of each, in grid units.
+
+    The clearance is the distance to the nearest wall's face; it is negative outside the room.
+    """
     box = extent(corners)
     steps = np.arange(1, _LATTICE)
     columns = box.x0 + (box.x1 - box.x0) * steps // _LATTICE

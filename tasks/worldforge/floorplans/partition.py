@@ -174,7 +174,7 @@ def _around(box: Box, pocket: Box) -> tuple[Corners, int]:
 
 
 def extent(corners: Sequence[tuple[int, int]]) -> Box:
-    """Returns the bounding box of a room."""
+    """Returns the bounding box of a room, in grid units."""
     if len(corners) == 4:  # counter-clockwise from a corner, so opposite corners span it
         (x0, y0), (x1, y1) = corners[0], corners[2]
         if x0 > x1:
@@ -216,7 +216,10 @@ class Lines(NamedTuple):
 
 
 def lines(rooms: Sequence[Corners]) -> dict[tuple[bool, int], Lines]:
-    """Groups all room borders by the line they are on: (horizontal, coordinate)."""
+    """Groups all room borders by the line they are on: (horizontal, coordinate).
+
+    Each line has the borders of the rooms below it (or west of it) and above it, as (start, end, room number).
+    """
     found: dict[tuple[bool, int], Lines] = {}
     for room, corners in enumerate(rooms):
         x, y = corners[-1]

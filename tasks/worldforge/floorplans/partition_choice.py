@@ -124,7 +124,10 @@ def find_partition(brief: Brief, seed: PlanSeed, dice: Random) -> Partition:
 
 
 def shortlists(brief: Brief) -> list[Shortlist]:
-    """Returns the candidate floor plans to choose from: in a rectangle, in one with notches, and set back freely."""
+    """Returns the candidate floor plans to choose from: in a rectangle, in one with notches, and set back freely.
+
+    Lists without a valid plan are left out.
+    """
     found = (shortlist(brief), *notched_shortlists(brief), setback_shortlist(brief))
     return [plans for plans in found if plans.cost.size]
 
@@ -219,9 +222,10 @@ def _only_room(brief: Brief, dice: Random) -> Partition:
 
 
 def _varied(lists: list[Shortlist], place: tuple[int, int], dice: Random) -> Partition:
-    """Varies the side lengths of a plan slightly at random.
+    """Returns a plan whose side lengths are varied slightly at random.
 
-    The plan is unchanged if that would break a preference or change its form.
+    The plan is unchanged if that would break a preference or change its form. `place` is the number of its list, and
+    its number there.
     """
     best, number = lists[place[0]], place[1]
     columns = np.full(_DRAWS + 1, number)
@@ -233,7 +237,7 @@ def _varied(lists: list[Shortlist], place: tuple[int, int], dice: Random) -> Par
 
 
 def _mirrored(plan: Partition, dice: Random) -> Partition:
-    """Mirrors a plan randomly along x, y, both or neither: all are equally good."""
+    """Returns a plan that is mirrored randomly along x, y, both or neither: all are equally good."""
     flip_x, flip_y = dice.random() < 0.5, dice.random() < 0.5
 
     def turn(corners: Corners) -> Corners:

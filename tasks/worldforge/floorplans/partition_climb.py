@@ -170,7 +170,10 @@ class PlanEvaluator:
 
 
 def _reached_from_first(ways: Sequence[int]) -> int:
-    """Returns a bit set of the rooms that can be reached from room 0 through connections."""
+    """Returns a bit set of the rooms that can be reached from room 0 through connections.
+
+    `ways` has a bit set of the connected rooms for each room.
+    """
     reached, fresh = 1, 1
     while fresh:
         found = 0
@@ -190,6 +193,9 @@ def climb_to_partition(brief: Brief, dice: Random, *, below: float | None) -> Pa
         dice: The source of chance.
         below: The cost of the best partition of rectangles; nothing unless one with L-shaped rooms costs less. Without
             it, any valid partition will do.
+
+    Returns:
+        The cheapest plan that was found; `None` if none with L-shaped rooms costs less than `below`.
 
     Raises:
         WorldGenerationError: `below` is not given, and no valid partition was met in `MAX_CLIMBS` hill climbs.

@@ -328,7 +328,10 @@ class BatchEvaluator:
         return np.abs(np.log(width / height) - self.footprint)
 
     def _off(self, cuts: Cuts, *, roughly: bool = False) -> tuple[Floats, Floats, Floats]:
-        """Returns the rooms' deviations from preferred ratios, least width (in grid units), and preferred areas."""
+        """Returns the rooms' deviations from preferred ratios, least width (in grid units), and preferred areas.
+
+        Each has shape (room, plan). A hallway that is longer than preferred deviates less.
+        """
         sides = self.floors(cuts, roughly=roughly)
         off = np.abs(np.log(sides[0] / sides[1])) - self.ratios
         narrow = np.maximum(0.0, self.least - (cuts.high - cuts.low).min(axis=0))

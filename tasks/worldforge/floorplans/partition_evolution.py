@@ -104,7 +104,10 @@ def _random_trees(rooms: int, dice: np.random.Generator) -> Trees:
 
 
 def _random_shape(rooms: int, dice: np.random.Generator) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Returns the children of the cuts of a random tree; each cut comes after the one that makes its rectangle."""
+    """Returns the children of the cuts of a random tree; each cut comes after the one that makes its rectangle.
+
+    The first and the second child of each cut are numbers: of rooms, or of cuts, which follow the rooms.
+    """
     first, second = np.zeros((2, rooms - 1), np.intp)
     cuts = 0
 

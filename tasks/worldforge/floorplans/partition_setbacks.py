@@ -96,7 +96,7 @@ class Setbacks(NamedTuple):
         return found
 
     def judged(self, evaluator: BatchEvaluator) -> tuple[Cuts, Nature]:
-        """Divides all candidate floor plans exactly, and evaluates them."""
+        """Returns the exactly cut rectangles of all candidate floor plans, and their costs and validity."""
         cuts, enclosed = self.laid(evaluator, exact=True)
         nature = evaluator.evaluate(cuts)
         cost = np.round(nature.cost + outline_cost(cuts, enclosed), 6)
@@ -164,7 +164,7 @@ def put_together(trees: Trees, sides: Floats) -> tuple[Cuts, Flags]:
 
 
 def outline_cost(cuts: Cuts, enclosed: Flags) -> Floats:
-    """Returns the cost of building outlines that are not rectangles."""
+    """Returns the cost of each plan's building outline: 0 for a rectangle, more for empty corners or enclosed space."""
     sides = cuts.high - cuts.low
     whole = cuts.high.max(axis=1)
     empty = 1 - sides.prod(axis=0).sum(axis=0) / whole.prod(axis=0)
@@ -211,7 +211,10 @@ def _beginnings(trees: Trees) -> Setbacks:
 
 
 def _refined(evaluator: BatchEvaluator, start: Setbacks) -> Setbacks:
-    """Changes ratios and areas within their margins, one at a time, as long as the cost of shapes falls."""
+    """Returns candidates with better ratios and areas, changed one at a time and within their margins.
+
+    Each change is kept if it lowers the cost of shapes.
+    """
     found = start
     for step in _STEPS:
         cost = found.rough_cost(evaluator)

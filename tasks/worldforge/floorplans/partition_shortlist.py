@@ -44,7 +44,7 @@ class Plans(Protocol):
         ...
 
     def judged(self, evaluator: BatchEvaluator) -> tuple[Cuts, Nature]:
-        """Divides all candidate floor plans exactly, and evaluates them."""
+        """Returns the exactly cut rectangles of all candidate floor plans, and their costs and validity."""
         ...
 
     def varied(self, dice: Random) -> Self:
@@ -88,7 +88,7 @@ class Variants(NamedTuple):
         return Cuts(low[:, :rooms], high[:, :rooms])
 
     def judged(self, evaluator: BatchEvaluator) -> tuple[Cuts, Nature]:
-        """Divides all candidate floor plans exactly, and evaluates them."""
+        """Returns the exactly cut rectangles of all candidate floor plans, and their costs and validity."""
         cuts = self.cut(evaluator, exact=True)
         nature = evaluator.evaluate(cuts)
         if self.trees.leaves == len(evaluator.areas):
@@ -213,7 +213,10 @@ def _beginnings(evaluator: BatchEvaluator, trees: Trees, *, few: bool) -> Varian
 
 
 def refined(evaluator: BatchEvaluator, start: Variants) -> Variants:
-    """Changes room areas (within their margin) and footprints, one at a time, as long as the cost of shapes falls."""
+    """Returns candidates with better room areas (within their margin) and footprints, changed one at a time.
+
+    Each change is kept if it lowers the cost of shapes.
+    """
     leaves, plans = start.areas.shape
     rooms = len(evaluator.areas)
     both = np.tile(np.arange(plans), 2)

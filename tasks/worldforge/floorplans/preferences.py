@@ -44,6 +44,9 @@ def forbidden_together(requests: Collection[Pair], pair: Pair) -> list[Pair]:
     Args:
         requests: Pairs of rooms, lower number first.
         pair: The one that a plan misses.
+
+    Returns:
+        The connections, the given one among them; empty if some plan has all.
     """
     rooms = sorted({room for request in requests for room in request})
     for walls in _FORBIDDEN:
@@ -87,7 +90,9 @@ def _ordered(one: int, other: int) -> Pair:
 
 
 def competing_preferences(brief: Brief, plan: Partition, missed: int) -> str:
-    """Explains which other preferences would have to be given up to satisfy a missed one.
+    """Explains, as the end of a sentence, which other preferences would have to be given up to satisfy a missed one.
+
+    The text says so if no plan satisfies it, or if another plan satisfies all.
 
     Args:
         brief: The preferences, of two rooms or more.
@@ -129,7 +134,10 @@ FOOTPRINT = 0
 
 
 def _misses(brief: Brief, plan: Partition, preferences: int) -> np.ndarray:
-    """Returns a mask of the shape preferences that a plan misses; requested connections count as satisfied."""
+    """Returns a mask of the shape preferences that a plan misses; requested connections count as satisfied.
+
+    The order is: footprint, aspect ratios of all rooms, areas of all rooms, connections.
+    """
     missed = np.zeros(preferences, bool)
     missed[0] = abs(log(plan.width / plan.height / brief.footprint_ratio)) > RATIO_TOLERANCE
     rooms = len(brief.ratios)

@@ -162,7 +162,7 @@ class FloorShape(NamedTuple):
 
 @lru_cache(maxsize=16)
 def floor_shapes(plan: Partition) -> tuple[FloorShape, ...]:
-    """Measures area and aspect ratio of the floors of all rooms."""
+    """Measures area (in square grid units) and aspect ratio of the floors of all rooms, without what walls cover."""
     if plan.is_full:
         return tuple(map(FloorShape, floor_areas(plan), floor_ratios(plan)))
     pieces = build_walls(plan, [])
@@ -197,7 +197,10 @@ def room_units(corners: Corners) -> NDArray[np.bool_]:
 
 
 def floor_cells(corners: Corners, pieces: Sequence[Piece]) -> NDArray[np.bool_]:
-    """Returns a mask of a room's grid cells that no wall covers."""
+    """Returns a mask of a room's grid cells that no wall covers.
+
+    It covers the room's bounding box; rows run along y, columns along x.
+    """
     box, cells = extent(corners), room_units(corners)
     for piece in pieces:
         if not piece.lintel:

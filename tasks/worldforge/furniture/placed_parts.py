@@ -69,7 +69,8 @@ def height_at(parts: Sequence[Part], spot: Box) -> float | None:
         spot: Area of the object in that frame: back, right, front, left.
 
     Returns:
-        None where nothing solid carries the whole spot, or where something else stands on it.
+        Metres above the piece's base; `None` where nothing solid carries the whole spot, or something else stands on
+            it.
     """
     x0, y0, x1, y1 = spot[0] - _MARGIN_M, spot[1] - _MARGIN_M, spot[2] + _MARGIN_M, spot[3] + _MARGIN_M
     under = [part for part in parts if _over(part, x0, y0, x1, y1)]

@@ -104,11 +104,9 @@ DENSITIES: tuple[Density, ...] = ("Sparse", "Moderate", "Dense")
 
 
 def dining_room(rooms: Sequence[Room]) -> str | None:
-    """Returns the largest living room, which then has the dining table.
+    """Returns the name of the largest living room, which then has the dining table; `None` if none has to have it.
 
-    Returns `None` if there is a dining room or a large kitchen.
-
-    It is `None` as well in a building without kitchen.
+    It is `None` if there is a dining room or a large kitchen, no kitchen, or no living room that is large enough.
     """
     kitchens = [room.floor_m2 for room in rooms if room.type == "Kitchen"]
     living = [room for room in rooms if room.type == "Living" and room.floor_m2 >= _DINES_FROM_M2]
@@ -151,10 +149,7 @@ def front_of(model_type: str, room_type: RoomType) -> float:
 
 
 def forms_for(model_type: str, room_type: RoomType, forms: list[str]) -> list[str]:
-    """Returns the forms of a furniture type that suit a room; all forms if none does.
-
-    Returns all forms where the catalogue has none that suits.
-    """
+    """Returns the forms of a furniture type that suit a room, of those given; all forms if none does."""
     if model_type != "Storage":
         return forms
     counters = [form for form in forms if form.startswith("counter")]

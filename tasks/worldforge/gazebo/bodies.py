@@ -80,7 +80,11 @@ def _has_links(joint: Joint, known: dict[str, Link], world: SdfWorld) -> bool:
 
 
 def _tie(joint: Joint, groups: "_Groups", tied: dict[str, tuple[str, Joint, bool]], world: SdfWorld) -> None:
-    """Records a joint between two groups of links; a joint that would close a loop is left out."""
+    """Records a joint between two groups of links; a joint that would close a loop is left out.
+
+    The entry is added to `tied` under the child's group: its parent's group, the joint, and whether it is reversed.
+    Joints that are left out are counted in `world.left_out`.
+    """
     parent, child, fixed = groups.root(joint.parent), groups.root(joint.child), groups.root(WORLD)
     if parent == child:
         return  # between parts that never move
@@ -139,7 +143,10 @@ def make_solids(bodies: list[Body], fixed: list[Link], maker: SolidMaker) -> lis
 
 
 def body_inertia(body: Body) -> Inertia:
-    """Computes a body's mass, centre of mass and moments of inertia."""
+    """Computes a body's mass, centre of mass and moments of inertia.
+
+    Links that state no inertia count with a usual mass. Moments are about the centre of mass, along the world's axes.
+    """
     parts = [link.inertia or Inertia(_USUAL_MASS_KG, _middle(body), None) for link in body.links]
     whole_kg = sum(part.mass_kg for part in parts)
     center = sum((part.mass_kg * part.pose.position for part in parts), np.zeros(3)) / whole_kg
@@ -156,7 +163,10 @@ def _turned(moments: Matrix, rotation: Matrix) -> Matrix:
 
 
 def solid_corners(solid: Solid) -> Vector:
-    """Returns the corners of a box around a collision shape, shape (n, 3)."""
+    """Returns the corners of a box around a collision shape, shape (n, 3).
+
+    They are in the frame that the solid's pose is in. A plane has no extent: its corners are all at its place.
+    """
     if solid.corners is not None:
         return solid.pose.position + solid.corners @ solid.pose.rotation.T
     size = solid.size

@@ -336,7 +336,7 @@ def _length(one: tuple[float, float], other: tuple[float, float]) -> float:
 
 
 def _union(one: list[int], other: list[int], edge: tuple[int, int]) -> list[int] | None:
-    """Merges two polygons that share an edge; returns the corners of the result, or `None`.
+    """Merges two polygons that share an edge; returns the corners of the result, or `None` if it would touch itself.
 
     The polygons run through the shared edge in opposite directions.
     """
@@ -409,7 +409,10 @@ def _depths(mesh: _Faces, polygons: list[_Polygon]) -> list[float]:
 
 
 def _first_hits(mesh: _Faces, origins: Points, directions: Points) -> NDArray[np.float64]:
-    """Returns distances along rays to the first back face of the mesh, up to `THICKNESS_M`."""
+    """Returns distances along rays to the first back face of the mesh, up to `THICKNESS_M`.
+
+    The distance is infinite for a ray that hits none.
+    """
     corners = mesh.points[mesh.faces]
     base, one, two = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     low, high = corners.min(axis=1), corners.max(axis=1)
@@ -486,7 +489,10 @@ def _surface_cells(triangles: Triangles, longest: NDArray[np.float64], pitch_m: 
 
 
 def _merged_boxes(grid: NDArray[np.bool_]) -> list[tuple[tuple[int, int, int], tuple[int, int, int]]]:
-    """Covers the set cells of a grid with boxes: each grows as far as it can, upwards last."""
+    """Covers the set cells of a grid with boxes: each grows as far as it can, upwards last.
+
+    Each box is its lowest cell, and its numbers of cells along x, y and z.
+    """
     found = []
     left = grid.copy()
     for x, y, z in np.argwhere(grid):

@@ -36,6 +36,9 @@ def come_to_rest(build: Build) -> Rest:
 
     Args:
         build: Compiles the world.
+
+    Returns:
+        The bodies that have to be held, with reasons, and new poses of the others that moved.
     """
     rest = Rest()
     for overlapping, depth_m in _overlapping(build(rest.held, rest.poses)).items():
@@ -66,7 +69,7 @@ def come_to_rest(build: Build) -> Rest:
 
 
 def pieces_around_joints(model: mujoco.MjModel) -> set[str]:
-    """Returns the fixed objects that a jointed body overlaps, such as a door's frame.
+    """Returns the names of the fixed objects that a jointed body overlaps, such as a door's frame.
 
     Args:
         model: The compiled world.

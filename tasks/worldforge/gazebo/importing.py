@@ -199,7 +199,10 @@ class _Import:
         return found
 
     def _hold_first(self) -> Rest:
-        """Fixes bodies without collision shapes, which would fall for ever, and all loose bodies if requested."""
+        """Returns the bodies to be held from the first on: those without collision shapes, which would fall for ever.
+
+        If requested, all loose bodies are among them.
+        """
         rest = Rest()
         for body in self._bodies:
             if not any(each.solids for each in self._bodies if each is body or each.parent is body):
@@ -358,7 +361,10 @@ def _turns(
 
 
 def _copied(body: Body, turn: Pose | None, parent: Body | None) -> Body:
-    """Returns a copy of a body at another pose and with another parent."""
+    """Returns a copy of a body at another pose and with another parent.
+
+    `turn` is the displacement from the old pose to the new one; `None` leaves the body where it is.
+    """
     links = [
         Link(link.path, link.model, link.pose, link.is_static, link.inertia, [], link.visuals) for link in body.links
     ]

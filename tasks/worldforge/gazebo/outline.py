@@ -214,7 +214,10 @@ def _movable(drawn: Drawn) -> NDArray[np.bool_]:
 
 
 def _walls(cells: NDArray[np.bool_], grid: OccupancyGrid, room: str) -> list[Wall]:
-    """Converts occupied map cells to straight walls, for plans and pictures."""
+    """Converts occupied map cells to straight walls, for plans and pictures.
+
+    There is at least one: if no cell is occupied, a wall of a millimetre at the map's origin.
+    """
     found: list[Wall] = []
     for west, south, east, north in wall_boxes(cells, grid):
         if east - west >= north - south:

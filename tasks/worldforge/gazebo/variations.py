@@ -159,6 +159,8 @@ class _Model:
         """Sets the sliding friction of a piece (or of all pieces: `*`) against whatever touches it.
 
         Of two geoms MuJoCo takes the larger friction, unless one has a higher priority: the one that was set last has.
+
+        Raises ConfigurationError for a friction that is out of its range, and for a name that no piece has.
         """
         if not 0 <= friction <= _MOST_FRICTION:
             raise ConfigurationError(

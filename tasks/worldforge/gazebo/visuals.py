@@ -64,7 +64,10 @@ class Visuals:
         return sorted(self._lines.values(), key=lambda line: ("<texture" not in line, "<material" not in line, line))
 
     def seen(self, link: Link) -> list[SeenGeom]:
-        """Returns the visual shapes of a Gazebo link."""
+        """Returns the visual shapes of a Gazebo link.
+
+        Transparent ones are left out. Meshes that they need are added to `files`.
+        """
         found: list[SeenGeom] = []
         for visual in link.visuals:
             geometry, pose = visual.geometry, visual.pose
@@ -103,7 +106,10 @@ class Visuals:
         return self._drawn[geometry]
 
     def _mesh(self, part: MeshPart, geometry: Geometry) -> str | None:
-        """Writes a visual mesh and returns its name; `None` if it is too small."""
+        """Adds a visual mesh to `files` in OBJ format and returns its name; `None` if it is too small.
+
+        A mesh of too many triangles is thinned, and counted among what is left out.
+        """
         triangles, places = part.triangles, part.places
         if len(triangles) > _MOST_DRAWN:
             triangles, places = _thinned(triangles, places)
@@ -177,7 +183,10 @@ def _hex(color: Rgba) -> str:
 def _thinned(
     triangles: NDArray[np.float64], places: NDArray[np.float64] | None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
-    """Reduces the triangles of a mesh: corners snap to a grid that gets coarser until few enough are left."""
+    """Returns fewer triangles of a mesh: corners snap to a grid that gets coarser until few enough are left.
+
+    The second value has the texture coordinates of the triangles that are left; `None` if there are none.
+    """
     extent = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
     pitch = max(extent / 400, 1e-6)
     while True:

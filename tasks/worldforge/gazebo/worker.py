@@ -30,7 +30,11 @@ CPU_S = 600
 
 
 def main() -> None:
-    """Entry point of a child process that imports a Gazebo world."""
+    """Entry point of a child process that imports a Gazebo world.
+
+    It reads one request as a line of JSON from standard input, and writes one answer in JSON to standard output. It
+    limits its own memory and CPU time, and ends when its input is closed.
+    """
     # What a library prints must not come between the answers.
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
@@ -50,10 +54,11 @@ def answer(request: dict[str, Any]) -> dict[str, str]:
     """Imports one Gazebo world on request.
 
     Args:
-        request: The request, a JSON object.
+        request: The request, a JSON object: `path` of the world file, `folder` for the bundle, and the members of
+            `Wishes`.
 
     Returns:
-        An empty answer, or one with the reason why there is no world.
+        `{}`, or `{"error": reason}` if there is no world.
     """
     start = request["start"]
     wishes = Wishes(

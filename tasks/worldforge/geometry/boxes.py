@@ -85,7 +85,7 @@ def hits(box: Box, others: Iterable[Box]) -> bool:
 
 
 def left_over(low: float, high: float, taken: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Returns the parts of an interval that remain after removing other intervals."""
+    """Returns the parts of an interval that remain after removing other intervals, in order; empty if none remains."""
     spans: list[tuple[float, float]] = []
     at = low
     for start, end in sorted(taken):

@@ -216,7 +216,10 @@ def reachable(grid: OccupancyGrid, start: Point, radius_m: float) -> NDArray[np.
 
 
 def connected(cells: NDArray[np.bool_], start: tuple[int, int]) -> NDArray[np.bool_]:
-    """Returns the connected part of a mask that contains the cell `start`; empty if there is none."""
+    """Returns the connected part of a mask that contains the cell `start` (row, column); all false if that is not set.
+
+    Cells are connected over their sides, not over their corners.
+    """
     row, column = start
     if not (0 <= row < cells.shape[0] and 0 <= column < cells.shape[1] and cells[row, column]):
         return np.zeros_like(cells)
@@ -245,7 +248,10 @@ def room_cells(grid: OccupancyGrid, room: Room) -> NDArray[np.bool_]:
 
 
 def write_map(grid: OccupancyGrid, folder: Path, said: str | None = None) -> None:
-    """Writes an occupancy grid as `map.pgm` and `map.yaml` to a folder."""
+    """Writes an occupancy grid as `map.pgm` and `map.yaml` to a folder.
+
+    Files of these names are replaced. The folder must exist. `said` is a comment in `map.yaml`.
+    """
     for name, content in map_files(grid, said).items():
         (folder / name).write_bytes(content)
 

@@ -82,7 +82,7 @@ class Style:
 
 
 def rgb(text: str, opacity: float = 1.0) -> Color:
-    """Converts a hexadecimal colour such as `d2b48c` to RGBA."""
+    """Converts a hexadecimal colour such as `d2b48c` to RGBA, all from 0 to 1."""
     red, green, blue = (round(int(text[at : at + 2], 16) / 255, 3) for at in (0, 2, 4))
     return red, green, blue, opacity
 
@@ -229,6 +229,9 @@ def carcass(style: Style, z: Span, top_m: float, color: Color) -> list[Part]:
 
 
 def slab(name: str, style: Style, z: Span, color: Color, *, inset: float = 0.0, solid: bool = False) -> Part:
-    """Makes a board over the whole footprint of a piece of furniture."""
+    """Makes a board over the whole footprint of a piece of furniture.
+
+    `inset` is the distance in metres by which it ends before the footprint's edges, and `z` its lower and upper height.
+    """
     x, y = style.half_depth_m - inset, style.half_width_m - inset
     return box(name, (-x, x), (-y, y), z, color, solid=solid)

@@ -98,7 +98,7 @@ def _upright_boxes(model: mujoco.MjModel, data: mujoco.MjData, chosen: NDArray[n
 
 
 def _upright_cylinders(model: mujoco.MjModel, data: mujoco.MjData, chosen: NDArray[np.bool_]) -> dict[int, list[Point]]:
-    """Returns the outlines of upright cylinders."""
+    """Returns the outlines of the chosen upright cylinders by geom number, in metres in the world's frame."""
     stands = data.geom_xmat[:, 8] > _UPRIGHT
     cylinders = np.flatnonzero(chosen & (model.geom_type == _CYLINDER) & stands)
     circle = np.stack(_circle(), axis=1)

@@ -67,7 +67,15 @@ def against_walls(
 
 
 def _wall_score(side: Side, along: float, width_m: float, share: float, prefer: str) -> float:
-    """Scores a spot on a wall for furnishings that belong in the middle of a wall, or in its corners."""
+    """Scores a spot on a wall, higher for better: near its middle, near its corners, or beside neighbours.
+
+    Args:
+        side: The wall.
+        along: The middle of the spot, in metres along the wall.
+        width_m: The width of the piece.
+        share: The spot's place in its free stretch: 0 at the first end, 1 at the other.
+        prefer: `middle`, `corner`, or another word for anywhere.
+    """
     off_middle = abs(along - (side.low + side.high) / 2) / max(side.high - side.low, 1e-6)
     if prefer == "middle":
         return 1.2 - 2.0 * off_middle - (0.4 if share in (0.0, 1.0) else 0.0)

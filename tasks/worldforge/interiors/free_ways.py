@@ -76,7 +76,10 @@ class Ways:
         return int(rows[best]) + south, int(columns[best]) + west
 
     def stays_open(self, *boxes: Box) -> bool:
-        """Whether all doors stay connected if more rectangles of the floor are blocked."""
+        """Whether all doors stay connected if more rectangles of the floor are blocked.
+
+        It is false if doors are not connected already, and if too much free floor would be cut off.
+        """
         if self._open is None:
             return False
         blocks = [self._slices(box, self._half_m) for box in boxes]

@@ -94,12 +94,12 @@ def furnish(
 def _furnished(
     begin: Callable[[], RoomFurnishing], kinds: Sequence[str], names: Counter[str], *, is_open: bool
 ) -> tuple[RoomFurnishing, list[Preference]]:
-    """Furnishes a room, a second time if essential furniture is missing; reports the pieces that are still missing.
+    """Furnishes a room, a second time if essential furniture is missing, and returns it with the preferences it misses.
 
     Args:
         begin: Makes the empty room.
         kinds: Kinds of furniture to place.
-        names: Pieces of each kind in the world so far.
+        names: Pieces of each kind in the world so far; those of the room are added.
         is_open: Whether the template names no furniture for the room.
     """
     before = names.copy()
@@ -125,7 +125,10 @@ def _furnished(
 
 
 def _loose_preferences(arrangement: FurnitureArrangement, index: int, lying: dict[str, int]) -> list[Preference]:
-    """Reports the preferred number of loose objects, if the template has one: satisfied when every room has as many."""
+    """Reports the preferred number of loose objects, if the template has one: satisfied when every room has as many.
+
+    The list is empty if the template does not ask, or if no room has the arrangement.
+    """
     asked = arrangement.LooseObjects
     if asked is None or not lying:
         return []
@@ -193,7 +196,10 @@ def _kinds(arrangement: FurnitureArrangement | None, room: Room, *, dines: bool)
 def _preferences(
     arrangements: Sequence[FurnitureArrangement], index: int, chosen: dict[str, int], done: dict[str, RoomFurnishing]
 ) -> list[Preference]:
-    """Returns one preference per listed kind: satisfied when every room of the arrangement has it."""
+    """Returns the preferences of an arrangement: about its density, and one for each listed kind.
+
+    A kind is satisfied when every room of the arrangement has it. An empty list of kinds asks for bare rooms.
+    """
     arrangement = arrangements[index]
     rooms = [work for name, work in done.items() if chosen.get(name) == index]
     kinds = None if arrangement.SampleSet is None else arrangement.SampleSet.ModelTypes

@@ -135,7 +135,10 @@ def _length(units: Sequence[Unit]) -> float:
 def _along_one_wall(
     work: RoomFurnishing, units: Sequence[Unit], *, between: bool = False
 ) -> Iterator[tuple[float, Placed]]:
-    """The line at both ends of every free stretch of wall, or anywhere between them, either way round."""
+    """Yields layouts of the units in a line along one wall, with their scores, either way round.
+
+    They are at both ends of every free stretch of wall; with `between`, also at places between the ends.
+    """
     length = _length(units)
     depth, front = _reach(work, units)
     for side in work.space.sides:
@@ -163,7 +166,7 @@ def _score(side: Side, order: Sequence[Unit], start: float, length: float) -> fl
 
 
 def _in_line(side: Side, units: Sequence[Unit], start: float) -> Placed:
-    """Places kitchen units next to each other from a point on, with their backs to the wall."""
+    """Returns kitchen units at poses next to each other from a point on, with their backs to the wall."""
     placed: Placed = []
     for unit in units:
         width, depth = unit.style.width_m, unit.style.depth_m
@@ -207,7 +210,7 @@ def _along_three_walls(work: RoomFurnishing, halves: Halves) -> Iterator[tuple[f
 
 
 def _filled(room_m: float, washing: Sequence[Unit], counters: Sequence[Unit]) -> list[Unit] | None:
-    """Fills a wall of given length with the sink's half and counters; `None` if no combination fits."""
+    """Returns units that fill a wall of given length, the sink's half and counters; `None` if no combination fits."""
     sink = [unit for unit in washing if unit.kind != "Storage" or unit.style.form.startswith("counter-sink")]
     for numbers in product(range(4), repeat=len(counters)):
         units = [*sink, *(unit for unit, number in zip(counters, numbers, strict=True) for _ in range(number))]
@@ -235,7 +238,10 @@ def _corners(work: RoomFurnishing) -> Iterator[tuple[Side, Side, tuple[End, End]
 
 
 def _meet(first: Side, second: Side) -> tuple[End, End] | None:
-    """Returns the ends of two walls at their inside corner; `None` if they do not meet in one."""
+    """Returns the ends of two walls at their inside corner; `None` if they do not meet in one.
+
+    An end is the place of the corner along the wall in metres, and the direction (1 or -1) away from it.
+    """
     if (first.quarter - second.quarter) % 2 == 0:
         return None
     found: list[End] = []
@@ -248,7 +254,7 @@ def _meet(first: Side, second: Side) -> tuple[End, End] | None:
 
 
 def _from(side: Side, units: Sequence[Unit], end: End, gap: float) -> Placed:
-    """Places kitchen units along a wall, beginning at one of its ends."""
+    """Returns kitchen units at poses along a wall, from one of its ends on, which they are `gap` metres away from."""
     at, way = end
     if way > 0:
         return _in_line(side, units, at + gap)

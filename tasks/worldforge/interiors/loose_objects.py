@@ -138,7 +138,7 @@ def _style(kind: str, furnished: RoomFurnishing) -> Style:
 
 
 def _lay_table(table: Furniture, furnished: RoomFurnishing) -> list[Furniture]:
-    """Places a plate and a cup in front of the first chairs of a table."""
+    """Returns a plate and a cup in front of each of the first chairs at a table, without those that find no place."""
     laid: list[Furniture] = []
     plate, cup = _style("Plate", furnished), _style("Cup", furnished)
     chairs = [chair for chair in furnished.placed("DiningChairs") if sits_at(chair, table)]
@@ -165,7 +165,10 @@ def _in_frame(host: Furniture, x: float, y: float) -> tuple[float, float]:
 
 
 def _on_top(host: Furniture, kind: str, furnished: RoomFurnishing, there: list[Furniture]) -> list[Furniture]:
-    """Places an object on a furnishing, beside decoration and objects that are already there."""
+    """Places an object on a furnishing, beside decoration and objects that are already there.
+
+    Returns a list of that object, or an empty one if no free place was found.
+    """
     dice, style, parts = furnished.dice, _style(kind, furnished), parts_of(host)
     for _ in range(_TRIES):
         turn = dice.uniform(-0.3, 0.3)
@@ -193,12 +196,13 @@ def _half_extents(style: Style, turn: float) -> tuple[float, float]:
 def _on_floor(furnished: RoomFurnishing, kinds: Sequence[str], corners: Sequence[Point] = ()) -> list[Furniture]:
     """Places an object, or a pair of shoes, at a free spot on the floor that does not block robots' paths.
 
-    Nothing is placed if no random spot is suitable.
-
     Args:
-        furnished: The room.
+        furnished: The room; the spot is taken in it from then on.
         kinds: Kinds of objects, one of which is chosen.
         corners: Spots beside the paths of robots, for one of many objects; absent: anywhere that suits the object.
+
+    Returns:
+        The object or the two shoes; empty if no random spot is suitable.
     """
     dice, space = furnished.dice, furnished.space
     kind = dice.choice(kinds)
@@ -222,7 +226,10 @@ def _on_floor(furnished: RoomFurnishing, kinds: Sequence[str], corners: Sequence
 
 
 def _floor_spots(kind: str, style: Style, furnished: RoomFurnishing) -> Iterator[tuple[float, float, float]]:
-    """Yields candidate spots on the floor: by a wall for objects that are put down, anywhere for dropped ones."""
+    """Yields candidate spots on the floor: x and y in metres, and the turn about the vertical in radians.
+
+    They are by a wall for objects that are put down, and anywhere for dropped ones.
+    """
     dice = furnished.dice
     if kind in _BY_A_WALL:
         reach = hypot(style.width_m, style.depth_m) / 2 + 0.05 - style.depth_m / 2

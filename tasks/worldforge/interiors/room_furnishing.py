@@ -125,7 +125,7 @@ class RoomFurnishing:
         return cls(room, space, density, dice, new_id, _taste=taste, _kitchens=kitchens, is_small=is_small)
 
     def begin_with(self, kinds: Sequence[str]) -> None:
-        """Places the first of some furniture types that fits."""
+        """Places furniture types in the order given until one fits; that one is placed, and no other."""
         for kind in kinds:
             if not self._place(kind):
                 return
@@ -139,7 +139,10 @@ class RoomFurnishing:
         self.fill(kinds)
 
     def place_each(self, kinds: Sequence[str]) -> None:
-        """Places the initial number of pieces of each furniture type."""
+        """Places the initial number of pieces of each furniture type, in the catalogue's order, as far as they fit.
+
+        The reason for a type of which none fits is added to `missed`.
+        """
         listed = _in_order(kinds, self.room.type)
         for kind in listed:
             self._place_first(kind)
@@ -289,7 +292,7 @@ class RoomFurnishing:
         return False
 
     def _takes(self, kind: str, style: Style, pose: Pose) -> list[Box]:
-        """Returns the boxes that a piece and its chair cover at a pose."""
+        """Returns the boxes that a piece and, if it has one, its chair cover at a pose; the chair's is the second."""
         box, seat = footprint(pose, style.width_m, style.depth_m), RULES[kind].seat_m
         if not seat:
             return [box]
@@ -327,6 +330,9 @@ class RoomFurnishing:
             style: Style of the piece.
             pose: Pose that was checked before.
             zone: Whether its clearances are kept; a counter in the corner of a kitchen has none.
+
+        Returns:
+            The new piece, which is added to `items`.
         """
         item = Furniture(
             id=self.new_id(kind),

@@ -136,11 +136,14 @@ class RoomSpace:
         return not any(hits(box, zone) for owner, zone in self._zones.items() if owner not in partners)
 
     def is_clear(self, box: Box, tucked: Box | None = None) -> bool:
-        """Whether a rectangle is free of walls and furniture."""
+        """Whether a rectangle is free of walls and furniture; the piece whose footprint is `tucked` does not count."""
         return not hits(box, self._solids if tucked is None else [solid for solid in self._solids if solid != tucked])
 
     def spans(self, side: Side, depth_m: float, front_m: float, *, tall: bool = False) -> list[tuple[float, float]]:
-        """Returns the free stretches of a wall for furniture of a depth, with free space in front."""
+        """Returns the free stretches of a wall for furniture of a depth, with free space in front.
+
+        They are (low, high) in metres along the wall; stretches of up to 0.2 m are left out.
+        """
         axis = side.axis
         body = side.strip(0.0, depth_m + WALL_GAP_M)
         before = side.strip(depth_m + WALL_GAP_M, depth_m + WALL_GAP_M + front_m)
@@ -180,7 +183,7 @@ class RoomSpace:
 
 
 def _shadows(axis: int, strip: Box, boxes: Iterable[Box]) -> list[tuple[float, float]]:
-    """Returns the stretches along an axis in which boxes overlap a strip along it."""
+    """Returns the stretches (low, high) along an axis in which boxes overlap a strip along it, in the boxes' order."""
     across = 1 - axis
     near, far = strip[across] + 1e-6, strip[across + 2] - 1e-6
     return [(box[axis], box[axis + 2]) for box in boxes if box[across] < far and near < box[across + 2]]
@@ -241,7 +244,10 @@ def _complement(room: Room) -> list[Box]:
 
 
 def room_rects(room: Room) -> Rects:
-    """Divides a room's floor into rectangles that do not overlap."""
+    """Divides a room's floor into rectangles that do not overlap.
+
+    Each row of the result is one rectangle: west, south, east and north in metres.
+    """
     xs, ys = (sorted({corner[axis] for corner in room.polygon}) for axis in (0, 1))
     rows: list[Box] = []
     for y0, y1 in itertools.pairwise(ys):

@@ -57,7 +57,10 @@ _GROUP_TRIES = 300
 
 
 def arrange_groups(work: RoomFurnishing) -> None:
-    """Places further seating groups (sofa, table, two armchairs) in a large room."""
+    """Places further seating groups (sofa, table, two armchairs) in a large room.
+
+    It ends with the first group that finds no place.
+    """
     for _ in range(min(_MOST_GROUPS, int(work.room.floor_m2 / _FLOOR_OF_GROUP_M2[work.density]))):
         if not _place_group(work):
             return
@@ -146,6 +149,6 @@ def _place_pair(work: RoomFurnishing, screen: Style, sofa: Style, table: Style |
 
 
 def _sight(wall: Pose, screen: Style, seat: Pose, sofa: Style) -> Box:
-    """Line of sight between the screen and the sofa, as a box."""
+    """Returns the line of sight between the screen and the sofa, as a box."""
     distance = abs(seat.x - wall.x) if wall.quarter % 2 == 0 else abs(seat.y - wall.y)
     return wall.box(screen.depth_m / 2, distance - sofa.depth_m / 2, -_HALF_SIGHT_M, _HALF_SIGHT_M)

@@ -196,7 +196,10 @@ def finish_named(surface: Surface, material: str, name: str) -> Finish:
 
 
 def surface_name(surface: Surface, room: Room) -> str:
-    """Returns the name of a room's floor or wall material in the MJCF: `floor_Carpet_sand`."""
+    """Returns the name of a room's floor or wall material in the MJCF: `floor_Carpet_sand`.
+
+    Raises ValueError if the material has no finish of that name.
+    """
     material, finish = (
         (room.floor_material, room.floor_finish) if surface == "floor" else (room.wall_material, room.wall_finish)
     )

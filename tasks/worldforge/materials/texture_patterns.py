@@ -37,7 +37,10 @@ class Grid:
         return np.broadcast_to(x, (self.rows, self.columns)), np.broadcast_to(y[:, None], (self.rows, self.columns))
 
     def noise(self, across: int, down: int) -> Array:
-        """Returns smooth noise from 0 to 1, with the given numbers of bumps to the right and down."""
+        """Returns smooth noise from 0 to 1, with the given numbers of bumps to the right and down.
+
+        The result has a row for each row of pixels. It repeats without a seam.
+        """
         values = self.rng.random((down, across))
         for axis, count, pixels in ((1, across, self.columns), (0, down, self.rows)):
             place = (np.arange(pixels) + 0.5) * (count / pixels)

@@ -47,6 +47,9 @@ def texture_size_m(name: str) -> tuple[float, float] | None:
 
     Args:
         name: A surface, as in `floor_Tiles_white`.
+
+    Raises:
+        ValueError: There is no finish of this name.
     """
     pattern = surface_finish(name).pattern
     if pattern == "plain":
@@ -57,7 +60,10 @@ def texture_size_m(name: str) -> tuple[float, float] | None:
 
 @lru_cache(maxsize=64)
 def texture(name: str) -> Pixels:
-    """Returns a surface's texture image: rows from top to bottom, RGB; one pixel for a plain colour."""
+    """Returns a surface's texture image: rows from top to bottom, RGB; one pixel for a plain colour.
+
+    Raises ValueError if there is no finish of this name. The image must not be changed: later calls return it again.
+    """
     finish = surface_finish(name)
     if finish.pattern == "plain":
         return _bytes(np.array([[finish.color[:3]]]))
@@ -72,6 +78,9 @@ def painted_png(name: str) -> bytes:
 
     Args:
         name: A surface whose finish is not plain, or `SKY`.
+
+    Raises:
+        ValueError: There is no finish of this name.
     """
     # Of few colours, a third of the size; the eye does not see it.
     pixels, colors = (_sky_pixels(), _SKY_COLORS) if name == SKY else (texture(name), _PALETTE_COLORS)
@@ -83,7 +92,10 @@ def painted_png(name: str) -> bytes:
 
 @lru_cache(maxsize=64)
 def mean_color(name: str) -> tuple[float, float, float]:
-    """Returns the average colour of a surface: red, green, blue, 0 to 1."""
+    """Returns the average colour of a surface: red, green, blue, 0 to 1.
+
+    Raises ValueError if there is no finish of this name.
+    """
     red, green, blue = texture(name).reshape(-1, 3).mean(axis=0) / 255
     return round(float(red), 3), round(float(green), 3), round(float(blue), 3)
 

@@ -86,6 +86,9 @@ def decorated_mjcf(world: World) -> tuple[str, dict[str, str]]:
 
     Args:
         world: The world.
+
+    Returns:
+        The text, and the content of each mesh file by its path relative to the model.
     """
     shapes = Shapes()
     made = decorate(world, wall_faces, shapes)
@@ -163,7 +166,7 @@ def _visual(world: World) -> Iterator[str]:
 
 
 def surfaces(world: World) -> list[str]:
-    """Lists the names of the floor and wall surfaces of a world."""
+    """Lists the names of the floor and wall surfaces of a world, each once; the last is `wall_outside`."""
     rooms = world.floorplan.rooms
     used = {surface_name("floor", room) for room in rooms} | {surface_name("wall", room) for room in rooms}
     return [*sorted(used), "wall_outside"]
@@ -215,7 +218,10 @@ def _surfaces(index: int, room: Room, ceiling_m: float | None) -> Iterator[str]:
 
 
 def wall_faces(wall: Wall, world: World) -> tuple[str, str]:
-    """Returns the material names of a wall's right and left side, seen from its start."""
+    """Returns the material names of a wall's right and left side, seen from its start.
+
+    A side that is in no room has `wall_outside`.
+    """
     length = hypot(wall.end[0] - wall.start[0], wall.end[1] - wall.start[1])
     u, v = (wall.end[0] - wall.start[0]) / length, (wall.end[1] - wall.start[1]) / length
     x, y = (wall.start[0] + wall.end[0]) / 2, (wall.start[1] + wall.end[1]) / 2
@@ -286,7 +292,10 @@ def piece_geoms(
 
 
 def _physics(solid: Solid, mass_kg: float | None, *, hidden: bool = False) -> str:
-    """Returns attributes of colliding geoms; a loose object's undrawn geoms lie inside those that have mass."""
+    """Returns attributes of colliding geoms; a loose object's undrawn geoms lie inside those that have mass.
+
+    `mass_kg` is `None` for what is no loose object; such geoms that are drawn have no attributes.
+    """
     loose = "" if mass_kg is None else f'mass="{mass_kg if solid.drawn else 0:g}" condim="4" friction="0.8 0.02 0.002"'
     return f'{loose} group="3"'.lstrip() if hidden or not solid.drawn else loose
 
@@ -326,7 +335,7 @@ def _geom(solid: Solid, physics: str = "") -> str:
 
 
 def _cylinder(axis: Axis, half: tuple[float, float, float]) -> tuple[str, str]:
-    """Returns the MJCF size and rotation of a cylinder along an axis."""
+    """Returns the MJCF texts of size and rotation of a cylinder along an axis, from its half extents on x, y and z."""
     index = "xyz".index(axis)
     radius = half[(index + 1) % 3]
     return _numbers(radius, half[index]), CYLINDER_QUAT[axis]

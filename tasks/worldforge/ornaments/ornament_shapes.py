@@ -154,7 +154,7 @@ def _mug() -> Unit:
 
 @filling
 def bush() -> Unit:
-    """Makes the mesh of a plant with broad leaves."""
+    """Makes the mesh of a plant with broad leaves, of no particular size."""
     leaves = []
     for index in range(30):
         share = (index + 0.5) / 30
@@ -285,7 +285,10 @@ def draped() -> Unit:
 
 
 def _cube(row: Floats) -> tuple[Floats, Ints]:
-    """Makes a grid on each face of a cube; corners and edges are shared."""
+    """Makes a grid on each face of a cube from -1 to 1; corners and edges are shared.
+
+    `row` has the places of the grid's lines, from -1 to 1. Returns points (n, 3) and triangles.
+    """
     places: dict[tuple[float, ...], int] = {}
     triangles = []
     for axis in range(3):
@@ -304,7 +307,10 @@ def _cube(row: Floats) -> tuple[Floats, Ints]:
 
 
 def _turned(profile: Sequence[tuple[float, float]], sections: int = _SECTIONS) -> tuple[Floats, Ints]:
-    """Makes a surface of revolution from a profile, closed at both ends."""
+    """Makes a surface of revolution from a profile, closed at both ends.
+
+    The profile has radii and heights, from the bottom up. Returns points (n, 3) and triangles.
+    """
     angles = np.arange(sections) * (2 * pi / sections)
     rings = [np.stack([r * np.cos(angles), r * np.sin(angles), np.full(sections, z)], 1) for r, z in profile]
     points = [*rings, np.array([[0.0, 0.0, profile[0][1]], [0.0, 0.0, profile[-1][1]]])]
@@ -320,7 +326,10 @@ def _turned(profile: Sequence[tuple[float, float]], sections: int = _SECTIONS) -
 
 
 def _tube(path: Sequence[Vector], radius: float, sides: int = 6) -> tuple[Floats, Ints]:
-    """Makes a bent rod along a path, closed at both ends."""
+    """Makes a bent rod along a path, closed at both ends.
+
+    The path must lie in a plane along two axes. Returns points (n, 3) and triangles.
+    """
     line = np.array(path)
     ahead = np.gradient(line, axis=0)
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
@@ -344,7 +353,10 @@ def _tube(path: Sequence[Vector], radius: float, sides: int = 6) -> tuple[Floats
 
 
 def _leaf(root: Vector, turn: float, lean: float, length: float, wide: float) -> tuple[Floats, Ints]:
-    """Makes a closed, thin leaf that grows from its root, leans outwards and hangs a little at its end."""
+    """Makes a closed, thin leaf that grows from its root, leans outwards and hangs a little at its end.
+
+    `turn` is the direction about z, and `lean` the angle from upright, both in radians. Returns points and triangles.
+    """
     out, up, aside = sin(lean), cos(lean), np.array([-sin(turn), cos(turn), 0.0])
     away = np.array([cos(turn), sin(turn), 0.0])
     middle = np.array(root) + 0.55 * length * (out * away + np.array([0.0, 0.0, up]))

@@ -164,9 +164,9 @@ def color_look(color: Color) -> str:
 
 
 def sheet(corner: Vector, along: Vector, up: Vector, cells: tuple[int, int]) -> tuple[Floats, Ints]:
-    """Makes a parallelogram mesh divided into cells.
+    """Makes a parallelogram mesh divided into cells: vertices and triangles.
 
-    MuJoCo computes light at vertices only, so surfaces under lamps need some.
+    `cells` are their numbers along and up. MuJoCo computes light at vertices only, so surfaces under lamps need some.
     """
     across, upwards, triangles = _grid(*cells)
     return np.array(corner) + across * np.array(along) + upwards * np.array(up), triangles
@@ -185,7 +185,7 @@ def _grid(columns: int, rows: int) -> tuple[Floats, Floats, Ints]:
 
 
 def joined(parts: Iterable[tuple[Floats, Ints]]) -> tuple[Floats, Ints]:
-    """Joins several meshes into one."""
+    """Joins several meshes, each vertices and triangles, into one."""
     vertices, triangles, count = [], [], 0
     for points, faces in parts:
         vertices.append(points)
@@ -195,7 +195,10 @@ def joined(parts: Iterable[tuple[Floats, Ints]]) -> tuple[Floats, Ints]:
 
 
 def turned(profile: Sequence[tuple[float, float]], sections: int) -> Mesh:
-    """Makes a surface of revolution about z from a profile of radii and heights."""
+    """Makes a surface of revolution about z from a profile of radii and heights, from the bottom up.
+
+    It is closed at the bottom and open at the top. Lengths are in the profile's unit.
+    """
     angles = np.arange(sections) * (2 * np.pi / sections)
     rings = [(radius, height) for radius, height in profile if radius > 0]
     vertices = [np.array([[0.0, 0.0, profile[0][1]]])]

@@ -142,7 +142,10 @@ def book_row(
 
 
 def shaped(item: Furniture, shapes: Shapes) -> Iterator[tuple[Solid, list[Ornament]]]:
-    """Yields a piece of furniture's parts, each with the decorative meshes that replace it."""
+    """Yields a piece of furniture's parts, each with the decorative meshes that replace it.
+
+    The list is empty for a part that is drawn as it is.
+    """
     for part, solid in zip(parts_of(item), solids_of(item), strict=True):
         if item.model_type == "Bookcases" and part.name.startswith("books-"):
             yield solid, list(_books(item, part, solid, shapes))

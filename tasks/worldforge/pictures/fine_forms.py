@@ -22,29 +22,29 @@ _BULGE = {"bevel": 0.0, "padded": 0.12, "soft": 0.09}
 """Height of the bulge, over the shortest side, up to `_MOST_BULGE_M`."""
 _MOST_BULGE_M = 0.022
 _CUSHION_M = 0.75
-"""Longer soft boxes, such as mattresses, lie close to others: they would let these through if they bulged."""
+"""Longest side, in metres, of a soft box that bulges: longer ones, such as mattresses, would let neighbours through."""
 _ARC, _FLAT = 6, 9
-"""Rows of vertices of a rounded edge, and of what lies between two of them."""
+"""Number of rows of vertices of a rounded edge, and of what lies between two of them."""
 _HARD = ("block", "shade", "curtain")
 """Forms that stay as they are, or whose edges are meant to be sharp."""
 _TWICE = ("bush", "sprigs", "plate")
 """Forms of thin parts: they are divided once, as rounding makes them thinner."""
 
 _PANELLED = re.compile(r"\.front-\d|\.door-(front|side)$|^cabinet_\w+_door_\d+$")
-"""Names of doors and drawers of cupboards."""
+"""Pattern of the names of doors and drawers of cupboards."""
 _CLOTH = re.compile(
     r"^(Sofas|LivingRoomChairs|Ottomans|Beds|StorageBenches|DeskChairs)_\d+\.(?!leg|foot|plinth|column|castor|frame|headboard|panel)"
     r"|^(Clothes_\d+|DiningChairs_\d+\.pad)|^(rug|curtain|blind)_\d*(?!.*_(rod|bar)$)"
 )
-"""Names of what is covered with cloth."""
+"""Pattern of the names of what is covered with cloth."""
 _LEAST_PANEL_M = 0.22
-"""Smaller doors and drawers are plain."""
+"""Least side of a door or drawer with a panel, in metres; smaller ones are plain."""
 _FRAME_M, _SLOPE_M = 0.06, 0.011
-"""Width of a door's frame up to the middle of the slope to its panel, and of half the slope."""
+"""Width of a door's frame up to the middle of the slope to its panel, and half the slope's width, in metres."""
 _SLOPE_SHADE, _PANEL_SHADE = 0.78, 0.98
 _THREADS_PER_M, _FOLDS_PER_M = 210.0, 14.0
 _WEAVE, _CREASE = 0.13, 0.09
-"""Differences of brightness between threads of cloth, and between its places, of 1."""
+"""Differences of brightness between threads of cloth, and between its places, as shares of the whole."""
 
 
 def refined(text: str) -> str:
@@ -74,7 +74,10 @@ def _mesh(form: str, size: tuple[float, float, float]) -> Mesh:
 
 @lru_cache(maxsize=64)
 def _divided(form: str) -> tuple[Floats, Ints]:
-    """Divides the triangles of a form and rounds them; returns it stretched to a cube of side 1 about the origin."""
+    """Divides the triangles of a form and rounds them; returns vertices and triangles.
+
+    They are stretched to a cube of side 1 about the origin.
+    """
     coarse = FORMS[form]((1.0, 1.0, 1.0))
     mesh = trimesh.Trimesh(coarse.vertices, coarse.triangles, process=True)
     vertices, faces = trimesh.remesh.subdivide_loop(mesh.vertices, mesh.faces, iterations=1 if form in _TWICE else 2)
@@ -110,7 +113,10 @@ def _rounded(form: str, size: Floats) -> Mesh:
 
 @lru_cache(maxsize=1)
 def _grid_cube() -> tuple[Floats, Ints]:
-    """Makes a cube from -1 to 1 with rows of vertices that are close together near its edges; edges are shared."""
+    """Makes a cube from -1 to 1 with rows of vertices that are close together near its edges; edges are shared.
+
+    Returns vertices (n, 3) and triangles.
+    """
     arc = np.linspace(0.5, 1.0, _ARC)
     row = np.concatenate([-arc[::-1], np.linspace(-0.5, 0.5, _FLAT)[1:-1], arc])
     count = len(row)

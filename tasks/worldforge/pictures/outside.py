@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.floating[Any]]
 
 _EYE_M = 1.5
-"""Height from which the garden is seen; rooms are on the ground floor."""
+"""Height from which the garden is seen, in metres; rooms are on the ground floor."""
 _HEDGE_M = (11.0, 1.25)
-"""Distance of the hedge from the eyes, and its height: below the horizon, so that one looks over it."""
+"""Distance of the hedge from the eyes, and its height, in metres: below the horizon, so that one looks over it."""
 _SIDE = 64
 """Cells of the noise table each way; a power of two, so that remainders are cheap."""
 
@@ -66,7 +66,7 @@ def _sky(rays: Array, rise: Array) -> Array:
 
 
 def _woods(colors: Array, azimuth: Array, rise: Array) -> Array:
-    """Adds the edge of a far wood."""
+    """Adds the edge of a far wood to the colours of rays, and returns them."""
     line = 0.07 + 0.05 * _ridge(azimuth, 5) + 0.025 * _ridge(azimuth, 24)
     leaves = _WOODS + (_WOODS_LIT - _WOODS) * _leaves(azimuth * 22, rise * 26)[:, None]
     hazy = leaves + (_HAZE - leaves) * 0.3
@@ -74,7 +74,7 @@ def _woods(colors: Array, azimuth: Array, rise: Array) -> Array:
 
 
 def _lawn(colors: Array, rays: Array, rise: Array) -> Array:
-    """Adds grass up to the horizon; blades are told apart near by only."""
+    """Adds grass up to the horizon to the colours of rays, and returns them; blades are told apart near by only."""
     away = np.clip(_EYE_M / np.maximum(-rise, 0.01), 0, 120)
     flat = np.maximum(np.hypot(rays[:, 0], rays[:, 1]), 1e-6)
     x, y = rays[:, 0] / flat * away, rays[:, 1] / flat * away
@@ -86,7 +86,10 @@ def _lawn(colors: Array, rays: Array, rise: Array) -> Array:
 
 
 def _house(colors: Array, turned: Array, rise: Array, away_m: float) -> Array:
-    """Adds a house with a gable roof and two windows."""
+    """Adds a house with a gable roof and two windows to the colours of rays, and returns them.
+
+    `turned` is each ray's direction aside from the house, in radians, and `rise` the tangent of its angle upwards.
+    """
     across, up = turned * away_m, rise * away_m + _EYE_M
     wall = (np.abs(across) < 4.5) & (up > 0) & (up < 3.0)
     roof = (up >= 3.0) & (up < 3.0 + 2.6 * (1 - np.abs(across) / 5.1))
@@ -97,7 +100,7 @@ def _house(colors: Array, turned: Array, rise: Array, away_m: float) -> Array:
 
 
 def _hedge(colors: Array, azimuth: Array, rise: Array) -> Array:
-    """Adds shrubs of different heights at the end of the lawn."""
+    """Adds shrubs of different heights, at the end of the lawn, to the colours of rays, and returns them."""
     away, tall = _HEDGE_M
     across, up = azimuth * away, rise * away + _EYE_M
     edge = tall * (0.55 + 0.9 * _ridge(azimuth, 0.45 * away)) + 0.35 * (_ridge(azimuth, 2.5 * away) - 0.5)
@@ -109,7 +112,10 @@ def _hedge(colors: Array, azimuth: Array, rise: Array) -> Array:
 
 
 def _tree(colors: Array, turned: Array, rise: Array, tree: _Tree) -> Array:
-    """Adds a tree: a crown of many leaves, lit from above and aside, with holes and a ragged outline."""
+    """Adds a tree: a crown of many leaves, lit from above and aside, with holes and a ragged outline.
+
+    The colours given stay as they are; returns the new ones.
+    """
     across, up = turned * tree.away_m, rise * tree.away_m + _EYE_M
     near = (np.abs(across) < tree.wide_m * 0.75) & (up > 0) & (up < tree.tall_m * 1.15)
     if not near.any():
@@ -142,7 +148,7 @@ def _leaves(u: Array, v: Array) -> Array:
 
 
 def _trees() -> list[_Tree]:
-    """Trees all round, further ones first: a nearer one stands before them."""
+    """Makes trees all round, further ones first: a nearer one is painted over them. They are the same at every call."""
     rng = np.random.default_rng(21)
     made = [
         _Tree(
@@ -171,7 +177,7 @@ def _over(colors: Array, paint: Array, share: Array) -> Array:
 
 
 def _ridge(azimuth: Array, bumps: float) -> Array:
-    """Returns noise all round, without a seam: so many bumps in a radian."""
+    """Returns noise from 0 to 1 all round, without a seam: `bumps` of them in a radian."""
     return noise(np.cos(azimuth) * bumps + 31, np.sin(azimuth) * bumps + 31)
 
 

@@ -78,7 +78,10 @@ def place_label(room: Room, furniture: Iterable[Furniture], scale: float) -> Lab
 
 
 def _clearest(room: Box, width: float, height: float, obstacles: list[Box]) -> Point:
-    """Returns the centre for a label of this size that covers the least furniture, nearest to the room's middle."""
+    """Returns the centre for a label of this size that covers the least furniture, nearest to the room's middle.
+
+    Sizes and places are in metres. There must be at least one obstacle.
+    """
     west, south, east, north = np.array(obstacles).T[:, :, None]
     free_x, free_y = max(0.0, room[2] - room[0] - width), max(0.0, room[3] - room[1] - height)
     columns = room[0] + (room[2] - room[0] - free_x) / 2 + free_x * _STEPS
@@ -99,7 +102,10 @@ def _bounds(item: Furniture) -> Box:
 
 
 def widest_box(room: Room) -> Box:
-    """Returns the largest rectangle inside a room, as the place for the room's label."""
+    """Returns the largest rectangle inside a room, as the place for the room's label.
+
+    The sides run along x and y, in metres.
+    """
     xs, ys = sorted({x for x, _ in room.polygon}), sorted({y for _, y in room.polygon})
     gaps = [
         ((x0 + x1) / 2, (y0 + y1) / 2)
@@ -328,7 +334,7 @@ def _label(room: Room, furniture: list[Furniture], scale: float) -> str:
 
 
 def _dimensions(sheet: _Sheet) -> str:
-    """Returns the SVG of the building's outer dimensions: along the top and up the left side."""
+    """Returns the SVG of the building's outer dimensions in metres: along the top and up the left side."""
     (left, top), (right, bottom) = sheet.px((sheet.west, sheet.north)), sheet.px((sheet.east, sheet.south))
     y, x = top - 20, left - 20
     wide, high = f"{sheet.east - sheet.west:.2f} m", f"{sheet.north - sheet.south:.2f} m"

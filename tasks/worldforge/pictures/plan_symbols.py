@@ -229,7 +229,7 @@ DARK_DOOR_STYLE = """
 
 
 def door_svg(door: Door) -> str:
-    """Returns the SVG of a door with its swing."""
+    """Returns the SVG of a door, open as far as it is at first, with the arc of its whole swing, in metres."""
     corners = "L".join(f"{number(x)} {number(y)}" for x, y in leaf_corners(door))
     closed, opened = _free_edge(door, 0.0), _free_edge(door, door.max_angle_rad)
     radius = number(door.leaf_width_m)

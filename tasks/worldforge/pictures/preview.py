@@ -33,9 +33,9 @@ _SUPERSAMPLING = 2
 _AZIMUTH_DEG, _ELEVATION_DEG = -24.0, 56.0
 _CUT_M, _NEAR_CUT_M = 1.0, 0.4
 _FURNITURE_CUT_M = 1.3
-"""Height at which furniture is cut, so that wardrobes and fridges do not hide the rooms behind them."""
+"""Height at which furniture is cut, in metres, so that wardrobes and fridges do not hide the rooms behind them."""
 _WHOLE = ("FloorLamps",)
-"""Furniture that is known by its upper end."""
+"""Kinds of furniture that are not cut, as they are known by their upper ends."""
 _HOLLOW_PX, _HOLLOW_M, _HOLLOW = 13, 0.12, 1.5
 """Width around a pixel, depth that counts at most, and loss of light for a metre that a pixel lies deeper."""
 _MARGIN = 0.045
@@ -98,7 +98,7 @@ def _view(world: World) -> View:
 
 
 def _cut_solids(item: Furniture) -> list[Solid]:
-    """Returns the drawn solids of a piece of furniture, up to where it is cut."""
+    """Returns the drawn solids of a piece of furniture, cut at the preview's height; some kinds stay whole."""
     drawn = [solid for solid in solids_of(item) if solid.drawn]
     if item.model_type in _WHOLE or item.base_m + item.height_m <= _FURNITURE_CUT_M:
         return drawn
@@ -112,7 +112,10 @@ def _cut_solids(item: Furniture) -> list[Solid]:
 
 
 def _draw_building(world: World, raster: Raster, palette: Palette) -> tuple[list[Block], dict[int, Room]]:
-    """Draws floors, walls and windows; returns the parts that cast shadows, and the rooms by their floors' colours."""
+    """Draws floors, walls and windows; returns the parts that cast shadows, and the rooms by their floors' colours.
+
+    Floors, walls and windows are drawn into `raster`, and their colours are added to `palette`.
+    """
     blocks: list[Block] = []
     floors: dict[int, Room] = {}
     for room in world.floorplan.rooms:
@@ -134,7 +137,7 @@ def _draw_building(world: World, raster: Raster, palette: Palette) -> tuple[list
 
 
 def _top_m(wall: Wall, world: World) -> float:
-    """Height at which a wall is cut, in metres: low for outer walls on the south or west side, which hide others."""
+    """Returns the height in metres at which a wall is cut: low for outer ones in south or west, which hide others."""
     right, left = wall_faces(wall, world)
     forward = wall.end[0] > wall.start[0] or wall.end[1] < wall.start[1]  # south or west of it lies to its right
     return _NEAR_CUT_M if wall.exterior and (right if forward else left) == _OUTSIDE else _CUT_M
@@ -181,7 +184,10 @@ def _draw_solid(solid: Solid, raster: Raster, palette: Palette) -> None:
 
 
 def _draw_box(raster: Raster, palette: Palette, low: Vector, high: Vector, color: Color, sides: dict[str, str]) -> None:
-    """Draws the top and the two sides that the camera sees; `sides` names the surfaces of walls."""
+    """Draws the top and the two sides of a box that the camera sees; `sides` names the surfaces of walls.
+
+    Sides are called `south`, `east` and `west`; those that `sides` does not name have the plain colour.
+    """
 
     def side(name: str, normal: tuple[float, float]) -> int:
         return palette.add_wall(sides[name], normal) if name in sides else palette.add_side(color, normal)
@@ -243,7 +249,7 @@ def _block(solid: Solid) -> Block:
 
 
 def _lay_patterns(raster: Raster, palette: Palette, colors: Colors) -> None:
-    """Draws the patterns of floors and walls where these are visible."""
+    """Draws the patterns of floors and walls where these are visible, into `colors`, which is changed in place."""
     view = raster.view
     right, away, up, flat = view.axes
     kinds = np.take(palette.patterns(), raster.ids).ravel()
@@ -265,7 +271,7 @@ def _lay_patterns(raster: Raster, palette: Palette, colors: Colors) -> None:
 
 
 def _light(raster: Raster, palette: Palette, light: LightMap) -> Image:
-    """Returns the brightness of every pixel of the finished picture."""
+    """Returns the brightness of every pixel of the finished picture, from 0 to 1."""
     view = raster.view
     right, away, up, flat = view.axes
     step = _SUPERSAMPLING
@@ -286,7 +292,7 @@ def _light(raster: Raster, palette: Palette, light: LightMap) -> Image:
 
 
 def _draw_outlines(raster: Raster, colors: Colors) -> None:
-    """Darkens pixels at the edges of nearer surfaces."""
+    """Darkens pixels at the edges of nearer surfaces; `colors` is changed in place."""
     depth = np.maximum(raster.depth, np.float32(-1e6))
     limit = np.float32(_EDGE_M * raster.view.scale)
     lines = np.zeros(depth.shape, np.bool_)

@@ -11,13 +11,13 @@ from ....schemas.worlds.world import Room
 
 _NAME_PX, _AREA_PX, _RAISED_PX = 15, 12, 9
 _PADDING_PX, _ROUND_PX, _SMOOTH = 7, 6, 4
-"""Space around letters, radius of a label's corners, and pixels per pixel in which these are drawn."""
+"""Space around a label's letters and radius of its corners, in pixels, and how many times finer they are drawn."""
 _PAPER_SHARE = 0.86
 _INK, _FAINT = (44, 46, 50), (98, 100, 106)
 _FAR_COST = 0.0006
 """Share of a label on the floor that a pixel's distance from the room's middle is worth."""
 _LEAST_PX = 60
-"""Rooms of fewer pixels have no label."""
+"""Least number of pixels of a room that has a label."""
 
 Pixels = NDArray[np.uint8]
 
@@ -62,7 +62,10 @@ def _draw(picture: Image.Image, room: Room, floor: NDArray[np.bool_], corner: tu
 
 
 def _clearest(floor: NDArray[np.bool_], width: int, height: int) -> tuple[int, int]:
-    """Middle of a label that covers most of a floor's pixels, near the middle of these."""
+    """Returns the middle (column, row) of a label that covers most of a floor's pixels, near the middle of these.
+
+    `floor` marks the pixels; width and height of the label are in pixels, too.
+    """
     covered = ndimage.uniform_filter1d(floor.astype(np.float32), height, axis=0, mode="constant")
     covered = ndimage.uniform_filter1d(covered, width, axis=1, mode="constant")
     rows, columns = np.mgrid[: floor.shape[0], : floor.shape[1]].astype(np.float32)

@@ -160,7 +160,10 @@ class Raster:
             self._draw(rows, columns, rest > 0, z + near, colors + level)
 
     def _windows(self, corners: list[tuple[float, float]]) -> list[tuple[slice, slice]]:
-        """Returns blocks of pixels that cover a convex face; a large face is cut into strips that follow it closely."""
+        """Returns blocks of pixels that cover a convex face; a large face is cut into strips that follow it closely.
+
+        Each block is its rows and its columns; there is none if the face lies outside the picture.
+        """
         width, height = self.view.size
         x_low, x_high = min(x for x, _ in corners), max(x for x, _ in corners)
         y_low, y_high = min(y for _, y in corners), max(y for _, y in corners)
@@ -210,7 +213,7 @@ LIGHT: Vector = (-0.45, 0.35, 0.82)
 
 
 def _levels(x: Image, y: Image, z: Image | float) -> NDArray[np.int32]:
-    """Returns the shade numbers of unit normals."""
+    """Returns the shade numbers of unit normals, from 0 (turned from the light) to `LEVELS - 1`."""
     facing = x * LIGHT[0] + y * LIGHT[1] + z * LIGHT[2]
     return np.clip((facing * 0.5 + 0.5) * LEVELS, 0, LEVELS - 1).astype(np.int32)
 
@@ -314,7 +317,12 @@ class LightMap:
 
     @classmethod
     def of(cls, blocks: Iterable[Block], extent: tuple[float, float, float, float]) -> "LightMap":
-        """Computes the shadows of blocks that are on the ground."""
+        """Computes the shadows of blocks that are on the ground.
+
+        Args:
+            blocks: Each is west, south, east, north and height, in metres.
+            extent: The building's west, south, east and north, in metres.
+        """
         x0, y0 = extent[0] - _MARGIN_M, extent[1] - _MARGIN_M
         shape = (ceil((extent[3] + _MARGIN_M - y0) / _CELL_M), ceil((extent[2] + _MARGIN_M - x0) / _CELL_M))
         heights = np.zeros(shape, np.float32)

@@ -11,11 +11,11 @@ from ..ornaments.ornament_shapes import Shapes
 from ..ornaments.ornaments import Ornament
 
 _SEEN = ("rug_", "thing_")
-"""Decoration that one sees from above, over walls that are cut: the beginnings of its names."""
+"""Beginnings of the names of decoration that one sees from above, over walls that are cut."""
 _ON_SHELVES = "thing_shelf_"
-"""Beginning of the names of what stands on shelves, which hang above the cut of walls and are not drawn."""
+"""Beginning of the names of things on shelves, which hang above the cut of walls and are not drawn."""
 _LEAST_M = 0.07
-"""Smaller things are two pixels wide."""
+"""Least size of a thing that is drawn, in metres; smaller ones are two pixels wide."""
 _LEAFY = ("bush", "flowers", "fruit", "sprigs")
 _ROUND = ("bottle", "bowl", "glass", "jar", "kettle", "mug", "pan", "plate", "pot", "vase")
 
@@ -36,7 +36,10 @@ def things_from_above(world: World) -> Iterator[Solid]:
 
 
 def _form(ornament: Ornament) -> tuple[Shape, Vector]:
-    """Shape and full extents; the name of a mesh says its form and its extents in millimetres."""
+    """Returns an ornament's shape and full extents in metres; leaves become an ellipsoid.
+
+    The name of a mesh says its form and its extents in millimetres.
+    """
     if not ornament.mesh:
         x, y, z = ornament.size
         return "box", (2 * x, 2 * y, 2 * z)

@@ -20,10 +20,10 @@ Ids = NDArray[np.int32]
 Flags = NDArray[np.bool_]
 
 _CUTOFF_M = 80.0
-"""Rays end here: far beyond the largest building."""
+"""Greatest length of a ray, in metres: far beyond the largest building."""
 _HIDDEN_GROUP, _GLASS_GROUP = 3, 5
 _ON_PLANE_M = 0.003
-"""Distance up to which something that stands out of a plane is part of it."""
+"""Distance up to which something that stands out of a plane is part of it, in metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,13 +31,13 @@ class Camera:
     """Position, direction and field of view of a camera."""
 
     place: Vector
-    """Metres."""
+    """Position of the camera in the world, in metres."""
     yaw: float
-    """Direction of view: 0 is east, pi/2 north, radians."""
+    """Direction of view in radians: 0 is east, pi/2 north."""
     pitch: float
-    """Above the horizon, radians."""
+    """Angle of the direction of view above the horizon, in radians."""
     fov_deg: float
-    """Angle of view from left to right."""
+    """Angle of view from left to right, in degrees."""
     drop: float = 0.0
     """Distance of the picture's middle below the direction of view, over that to the picture. A lens that is moved
     down, as photographers of buildings do it, sees more floor and keeps upright edges upright."""
@@ -64,9 +64,9 @@ class Hits:
     """Points where rays hit geoms, with geom ids and normals."""
 
     geoms: Ids
-    """-1: nothing."""
+    """Id of the geom that each ray hits; -1 for nothing."""
     places: Array
-    """A metre away where a ray hit nothing."""
+    """Place that each ray hits, in metres, shape (n, 3); a metre away where it hits nothing."""
     normals: Array
 
     def __getitem__(self, chosen: Any) -> "Hits":
@@ -99,7 +99,10 @@ class RayCaster:
         return bool(self._is_glass.any())
 
     def trace(self, origin: Vector, rays: Array, groups: NDArray[np.uint8] | None = None) -> tuple[Ids, Array, Array]:
-        """Casts rays from one point; returns geom (-1: no hit), distance in metres and normal of each ray."""
+        """Casts rays from one point; returns geom (-1: no hit), distance in metres and normal of each ray.
+
+        `groups` has a 1 for each geom group that rays may hit; `None`: those that pictures show, without glass.
+        """
         count = len(rays)
         geoms, distances = np.full(count, -1, np.int32), np.full(count, -1.0)
         normals = np.zeros(3 * count)
@@ -139,7 +142,10 @@ class RayCaster:
             yield
 
     def _stand_out(self, place: Array, normal: Array) -> NDArray[Any]:
-        """Distance by which geoms stand out of a plane, towards its normal."""
+        """Returns the distance in metres by which each geom stands out of a plane, towards its normal.
+
+        It is negative for a geom that lies behind the plane.
+        """
         turns = self._data.geom_xmat.reshape(-1, 3, 3)
         box = self._model.geom_aabb
         middle = self._data.geom_xpos + np.einsum("gij,gj->gi", turns, box[:, :3])

@@ -11,36 +11,36 @@ from ..geometry.parts import Vector
 from .ray_casting import Array, Flags, Hits, RayCaster
 
 STEP = 3
-"""Light is found for one pixel in so many, each way."""
+"""Distance of the pixels for which light is found, in pixels, each way."""
 
 _SLOTS = 4
-"""Neighbouring pixels look at different lamps in squares of this side."""
+"""Side of the squares of pixels in which each looks at another lamp, in pixels."""
 SUNS = _SLOTS * _SLOTS
-"""Places on the sun's disc."""
+"""Number of places on the sun's disc that light comes from."""
 _LEAST_TURNED, _MOST_TURNED = 0.3, 2.0
 """Bounds of what a surface's light is multiplied by where it is turned a little."""
 _SKIN_M = 0.004
 _LEAST_LIT = 8e-4
-"""Light that is too weak to be asked for its shadows: where it ended, more would be seen as a border."""
+"""Strength of light that is too weak to be asked for its shadows: where it ended, more would be seen as a border."""
 
 _LOST = 0.02
 """Weight below which the four pixels of the grid around a place are no neighbours of it."""
 _AROUND, _AROUND_M = 2, 0.06
-"""Pixels of the grid each way that are asked then, and the distance at which they count a quarter."""
+"""Pixels of the grid each way that are asked then, and the distance in metres at which they count a quarter."""
 
 _LOOKS_OF_MISSED = 2
-"""Lamps of each set that a pixel looks at where few neighbours share its surface."""
+"""Number of lamps of each set that a pixel looks at where few neighbours share its surface."""
 
 _CLOSE_M = 0.13
-"""Distance up to which things darken what they touch."""
+"""Distance up to which things darken what they touch, in metres."""
 _LOOKS = 14
-"""Places around a pixel that are asked whether they take light from it."""
+"""Number of places around a pixel that are asked whether they take light from it."""
 _GOLDEN_RAD = 2.399963
-"""Angle between two of them: they lie evenly."""
+"""Angle between two of these places, in radians, with which they lie evenly."""
 _LEAST_SIN = 0.08
 """Sine of the height above a surface from which a place takes light: surfaces are not quite flat, nor is it exact."""
 _TAKEN = 2.4
-"""Light that is taken, over the share of the half sphere above a place that the places around it cover."""
+"""Factor of the light that is taken, over the share of the half sphere that places around it cover."""
 _LEAST_OPEN = 0.3
 """Share of light that reaches the deepest corner."""
 _SMALL_M = 1e-4
@@ -55,7 +55,7 @@ class Lamp:
     """Brightness of a white wall one metre away from it."""
     color: Vector = (1.0, 1.0, 1.0)
     facing: Vector | None = None
-    """Direction in which it shines; absent: everywhere alike."""
+    """Direction in which the lamp shines; `None`: everywhere alike."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,21 +65,21 @@ class Lighting:
     lamps: Sequence[Sequence[Lamp]]
     """Sets of lamps; a pixel looks at one lamp of each set and at the others through its neighbours."""
     ambient: Vector = (0.1, 0.1, 0.1)
-    """Light that comes from everywhere."""
+    """Light that comes from everywhere: red, green and blue."""
     sun: Callable[[Hits, NDArray[np.int64]], Array] | None = None
     """Further light at places, shape (n, 3), from one of `SUNS` places on the sun's disc, by numbers."""
     toward_sun: Vector = (0.0, 0.0, 1.0)
     """Direction of the sun, a unit vector."""
     outside: Callable[[Array], Array] | None = None
-    """Light from where a ray hits nothing, by its direction, shape (n, 3); absent: a plain background."""
+    """Function from a ray's direction to its light where it hits nothing, shape (n, 3); `None`: a plain background."""
     outdoors: Callable[[Hits], Flags] | None = None
-    """Function that tells which places the day outside lights; absent: none."""
+    """Function that tells which places the day outside lights; `None`: none."""
     shaded_m: float = 0.0
-    """Distance up to which things take light from each other; 0: they do not."""
+    """Distance up to which things take light from each other, in metres; 0: they do not."""
     exposed: bool = False
     """Whether the picture becomes as bright as a photographer makes it; else lamps say how bright it is."""
     gloss: Array = field(default_factory=lambda: np.zeros((0, 2)))
-    """Shares of light that geoms mirror, straight and along the surface, shape (geoms, 2); absent: none does."""
+    """Shares of light that geoms mirror, straight and along the surface, shape (geoms, 2); empty: none does."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,16 +88,16 @@ class LightGrid:
 
     hits: Hits
     light: Array
-    """Shape (rows * columns, 3)."""
+    """Light of each pixel of the grid: red, green and blue, shape (rows * columns, 3)."""
     lean: Array
     """Change of the light's brightness by the direction of the surface, shape (rows * columns, 3)."""
     shape: tuple[int, int]
     step: int = STEP
-    """Pixels from one of the grid to the next."""
+    """Distance between two pixels of the grid, in pixels."""
     fine: "LightGrid | None" = None
-    """Light at the pixels of surfaces that are so narrow that the grid misses them."""
+    """Light at the pixels of surfaces that are so narrow that the grid misses them; `None`: there are none."""
     known: Array | None = None
-    """1 for pixels whose light is known, 0 for others; absent: all are."""
+    """Mask with 1 for pixels whose light is known, 0 for others; `None`: all are."""
 
     @classmethod
     def cast(cls, caster: RayCaster, hits: Hits, lighting: Lighting, shape: tuple[int, int]) -> "LightGrid":
@@ -137,7 +137,10 @@ class LightGrid:
         return LightGrid(self.hits, _shared(light, self.hits, self.shape), np.zeros_like(light), self.shape, self.step)
 
     def at(self, hits: Hits, rows: Array, columns: Array) -> tuple[Array, Array]:
-        """Returns the light at points and how it leans, smoothed over neighbouring pixels of the same surface."""
+        """Returns the light at points and how it leans, smoothed over neighbouring pixels of the same surface.
+
+        Both have shape (n, 3).
+        """
         both, weight = self._near(hits, rows, columns)
         lost = np.flatnonzero(weight < _LOST)
         if self.fine is not None and len(lost):
@@ -149,7 +152,10 @@ class LightGrid:
         return both[:, :3], both[:, 3:]
 
     def _near(self, hits: Hits, rows: Array, columns: Array) -> tuple[Array, Array]:
-        """Light at points from the four pixels of the grid around them, and how much these have to do with them."""
+        """Returns the light at points and how it leans, (n, 6), from the four grid pixels around each, and a weight.
+
+        The weight says how much these pixels have to do with the point: about 0 if all show other surfaces.
+        """
         both, weight = np.zeros((len(hits.geoms), 6)), np.zeros(len(hits.geoms))
         row, column = np.floor(rows / self.step).astype(np.int64), np.floor(columns / self.step).astype(np.int64)
         height, width = self.shape
@@ -178,7 +184,10 @@ class LightGrid:
         return total / weight[:, None]
 
     def _for(self, normals: Array, others: NDArray[np.int64]) -> Array:
-        """Light of pixels of the grid, and how it leans, as surfaces of other directions would have it."""
+        """Returns the light of pixels of the grid, and how it leans, as surfaces of other directions would have it.
+
+        The result has shape (n, 6).
+        """
         lean = self.lean[others]
         share = turned_light(self.light[others], lean, normals - self.hits.normals[others])
         return np.hstack([self.light[others] * share[:, None], lean])
@@ -203,7 +212,7 @@ def turned_light(light: Array, lean: Array, turned: Array) -> Array:
 
 
 def _alike(hits: Hits, others: Hits, index: NDArray[np.int64]) -> Array:
-    """1 for places on one plane, 0 for places on different ones."""
+    """Returns how much places lie on one plane: 1 for the same plane, about 0 for different ones, shape (n,)."""
     normals, places = others.normals[index], others.places[index]
     turned = np.clip(np.einsum("ij,ij->i", hits.normals, normals), 0, 1)
     apart = np.abs(np.einsum("ij,ij->i", hits.normals, hits.places - places))
@@ -211,7 +220,10 @@ def _alike(hits: Hits, others: Hits, index: NDArray[np.int64]) -> Array:
 
 
 def _lit(caster: RayCaster, hits: Hits, lighting: Lighting, slots: NDArray[np.int64], looks: int) -> Array:
-    """Light at places and how it leans, shape (n, 6), from so many lamps of each set."""
+    """Returns the light at places and how it leans, shape (n, 6), from `looks` lamps of each set.
+
+    `slots` says for each place with which of the lamps to begin. A place without a geom has the ambient light only.
+    """
     light = np.zeros((len(slots), 6))
     light[:, :3] = lighting.ambient
     known = hits.geoms >= 0
@@ -227,7 +239,7 @@ def _lit(caster: RayCaster, hits: Hits, lighting: Lighting, slots: NDArray[np.in
 
 
 def _shade_of_corners(hits: Hits, shape: tuple[int, int], lighting: Lighting, chosen: NDArray[np.int64]) -> Array:
-    """Share of light that reaches chosen pixels past what is around them and close to them, shape (n, 1)."""
+    """Returns the share of light, (n, 1), that reaches chosen pixels past what is around them and close to them."""
     share = np.ones(len(chosen))
     if lighting.shaded_m:
         share = _openness(hits, shape, lighting.shaded_m, chosen) * _openness(hits, shape, _CLOSE_M, chosen)
@@ -235,7 +247,7 @@ def _shade_of_corners(hits: Hits, shape: tuple[int, int], lighting: Lighting, ch
 
 
 def _shine(caster: RayCaster, lamp: Lamp, hits: Hits) -> tuple[Array, Array]:
-    """Brightness of the light of one lamp at places, and how it leans."""
+    """Returns the brightness of one lamp's light at places, and how it leans, shape (n, 3); 0 in its shadow."""
     ways = hits.places + hits.normals * _SKIN_M - np.array(lamp.place)
     distances = np.linalg.norm(ways, axis=1)
     ways = ways / np.maximum(distances, 1e-6)[:, None]
@@ -252,9 +264,9 @@ def _shine(caster: RayCaster, lamp: Lamp, hits: Hits) -> tuple[Array, Array]:
 
 
 def _openness(hits: Hits, shape: tuple[int, int], reach_m: float, chosen: NDArray[np.int64]) -> Array:
-    """Share of light from everywhere that reaches chosen pixels past what the picture shows around them.
+    """Returns the share of light from everywhere that reaches chosen pixels past what the picture shows around them.
 
-    Places are asked that lie around the pixel, as far as things reach that take its light.
+    Places are asked that lie around the pixel, as far as things reach that take its light. The result has shape (n,).
     """
     height, width = shape
     mine, rows, columns = hits[chosen], chosen // width, chosen % width
@@ -283,7 +295,10 @@ def _openness(hits: Hits, shape: tuple[int, int], reach_m: float, chosen: NDArra
 
 
 def _shared(light: Array, hits: Hits, shape: tuple[int, int]) -> Array:
-    """Evens light out among the pixels of one surface that looked at different lamps, near ones and then further."""
+    """Evens light out among the pixels of one surface that looked at different lamps, near ones and then further.
+
+    Edges of shadows stay. Returns the new light; that given stays as it is.
+    """
     height, width = shape
     index = np.arange(height * width).reshape(shape)
     rows, columns = (axis.ravel() for axis in np.indices(shape))
@@ -313,11 +328,11 @@ def _shared(light: Array, hits: Hits, shape: tuple[int, int]) -> Array:
 
 
 def soft_light(hits: Hits, light: Array, shape: tuple[int, int], chosen: NDArray[np.int64]) -> Array:
-    """Evens out light among neighbouring pixels of one surface that looked at different places on the sun.
+    """Returns light evened out among neighbouring pixels of one surface that looked at different places on the sun.
 
     Args:
         hits: What all pixels show.
-        light: Their light, shape (n, channels).
+        light: Their light, shape (n, channels); left as it is.
         shape: Rows and columns of the picture.
         chosen: The pixels that may have some; others have none.
     """

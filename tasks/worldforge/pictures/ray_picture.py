@@ -26,15 +26,15 @@ GAMMA = 2.2
 
 _SUB_PIXELS = ((-0.375, -0.125), (0.125, -0.375), (0.375, 0.125), (-0.125, 0.375))
 _MIDDLE = 0.49
-"""Light in the middle of a well exposed picture of a bright room, of 1."""
+"""Light in the middle of a well exposed picture of a bright room, where 1 is white."""
 _VIEW = 2.0
 """Light of a white thing outside, over that of one in the picture's middle: photographers expose for both."""
 _DAYLIGHT, _SUNLIGHT = 0.55, 0.6
-"""Light of the sky and of the sun on what is outside, of 1."""
+"""Light of the sky and of the sun on what is outside, where 1 is white."""
 _LINE_PX = 8
-"""Gaps up to twice as long in lines as thin as a pixel are looked at closely."""
+"""Half the length in pixels of the gaps in lines as thin as a pixel that are looked at closely."""
 _SUN_EDGE_PX = 3
-"""Pixels beside sunny ones that may have some sun: as far as neighbours share it."""
+"""Number of pixels beside sunny ones that may have some sun: as far as neighbours share it."""
 
 _FILM = np.array([[0.842479, 0.0423283, 0.0423756], [0.0784336, 0.878469, 0.0784336], [0.0792237, 0.0791661, 0.879142]])
 """Mixture of red, green and blue light on film, a row for each."""
@@ -42,7 +42,7 @@ _PAPER = np.linalg.inv(_FILM)
 _DARKEST_EV, _BRIGHTEST_EV = -12.47393, 4.026069
 """Ends of the film's range, in doublings of light."""
 _CONTRAST, _COLORFUL = 1.34, 1.2
-"""A little more of both than film has: rooms are less bright than landscapes."""
+"""Factors of contrast and of colour, a little more than film has: rooms are less bright than landscapes."""
 _BRIGHTNESS = np.array((0.2126, 0.7152, 0.0722))
 
 Look = Callable[[Hits], Array]
@@ -116,14 +116,14 @@ class RayPicture(RayCaster):
         return np.rint(total.reshape(height, width, 3) * (255 / len(_SUB_PIXELS))).astype(np.uint8)
 
     def before(self, camera: Camera) -> AbstractContextManager[None]:
-        """Lets a camera that stands behind a wall see through it."""
+        """Returns a context in which a camera that stands behind a wall sees through it; for others it does nothing."""
         if camera.front is None:
             return nullcontext()
         place, normal = camera.front
         return self.beyond(np.array(place), np.array(normal))
 
     def _sun(self, hits: Hits, lighting: Lighting, shape: tuple[int, int]) -> LightGrid | None:
-        """Sunlight at each pixel, with the soft edges that the sun's width makes; `None` if no sun shines."""
+        """Returns the sunlight at each pixel, with soft edges as the sun has a width; `None` if no sun shines."""
         if lighting.sun is None:
             return None
         light = lighting.sun(hits, slots_of(shape))
@@ -134,13 +134,16 @@ class RayPicture(RayCaster):
         return LightGrid(hits, light, lean / facing, shape, 1)
 
     def _turned(self, hits: Hits, light: Array) -> Array:
-        """Share of light that places have on the bumps and rounded edges of their surfaces."""
+        """Returns the share of light that places have on the bumps and rounded edges of their surfaces."""
         if self._bend is None:
             return np.ones(len(light))
         return turned_light(light[:, :3], light[:, 3:], self._bend(hits) - hits.normals)
 
     def _shade(self, shot: "_Shot", hits: Hits, light: Array) -> Array:
-        """Light that comes from places to the camera."""
+        """Returns the light that comes from places to the camera, shape (n, 3), for the light that falls on them.
+
+        Rays that hit nothing have the background or, through a window, the view.
+        """
         colors = self._look(hits)
         bright = np.abs(colors) ** GAMMA
         seen = np.where(colors[:, :1] < 0, bright, bright * light[:, :3])
@@ -168,7 +171,7 @@ class _Shot:
 
     mirror: Reflections
     view = 1.0
-    """Light of a white thing outside."""
+    """Light of a white thing outside, as it is seen in the picture."""
 
     def __init__(self, camera: Camera, lighting: Lighting, grid: LightGrid, sun: LightGrid | None) -> None:
         self.camera, self.lighting, self._grid, self._sun_at = camera, lighting, grid, sun
@@ -196,7 +199,10 @@ def _widened(marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _finished(seen: Array, glass: Array, scale: float | None) -> Array:
-    """Returns the colours of a picture as eyes see them."""
+    """Returns the colours of a picture as eyes see them, from 0 to 1.
+
+    `glass` says which pixels are seen through glass. Light is multiplied by `scale`; `None` compresses it as film does.
+    """
     seen = seen if scale is None else seen * scale
     seen = seen * (1 - 0.16 * glass[:, None]) + 0.05 * glass[:, None]
     if scale is None:
@@ -206,7 +212,7 @@ def _finished(seen: Array, glass: Array, scale: float | None) -> Array:
 
 
 def _developed(seen: Array) -> Array:
-    """Colours of light on film: bright places become pale slowly, and dark ones keep their drawing.
+    """Returns colours of light on film, from 0 to 1: bright places become pale slowly, dark ones keep their drawing.
 
     It is the curve of T. Sobotka's AgX, by the fit of B. Wrensch, with a little more colour.
     """
@@ -228,7 +234,7 @@ def _developed(seen: Array) -> Array:
 
 
 def _on_plane(camera: Camera, rays: Array, hits: Hits) -> Array:
-    """Points at which other rays meet the planes that were hit; a metre away where nothing was."""
+    """Returns the points at which other rays meet the planes that were hit; a metre away where nothing was."""
     reach = np.sum((hits.places - np.array(camera.place)) * hits.normals, axis=1)
     slope = np.sum(rays * hits.normals, axis=1)
     reach = np.where(hits.geoms < 0, 1.0, reach / np.where(np.abs(slope) < 1e-4, 1e-4, slope))
@@ -236,7 +242,7 @@ def _on_plane(camera: Camera, rays: Array, hits: Hits) -> Array:
 
 
 def _edges(hits: Hits, glass: Array, shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """Finds the pixels that show another geom or surface direction than a neighbour."""
+    """Returns a mask of the pixels that show another geom or surface direction than a neighbour, or a thin line."""
     kinds = (hits.geoms.astype(np.int64) * 2 + (glass > 0)).reshape(shape)
     normals = hits.normals.reshape(*shape, 3)
     edge = np.zeros(shape, np.bool_)
@@ -252,7 +258,7 @@ def _edges(hits: Hits, glass: Array, shape: tuple[int, int]) -> NDArray[np.bool_
 
 
 def _thin(kinds: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Finds pixels near lines that are as thin as a pixel: rays of pixels beside them go past them by chance."""
+    """Returns a mask of pixels near lines that are as thin as a pixel: rays beside them go past them by chance."""
     thin = np.zeros(kinds.shape, np.bool_)
     for axis in (0, 1):
         across = kinds if axis == 0 else kinds.T

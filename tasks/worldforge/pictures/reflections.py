@@ -10,13 +10,13 @@ from .ray_casting import Array, Camera, Hits, Ids, RayCaster
 from .ray_light import STEP, LightGrid, Lighting
 
 _MIRROR = 0.5
-"""Share from which a surface is a mirror: what it shows is as sharp as the rest."""
+"""Share of mirrored light above which a surface is a mirror: what it shows is as sharp as the rest."""
 _LEAST_SHARE, _LEAST_MIRROR_SHARE = 0.004, 0.0004
 """Share of the picture from which a surface, or a mirror, gets a reflection of its own."""
 _MOST = 7
-"""Surfaces with reflections; the largest ones come first."""
+"""Limit of the surfaces with reflections; the largest ones come first."""
 _GRAIN = (0.02, 0.006)
-"""Normals and distances (metres) that differ by less are those of one surface."""
+"""Differences of normals, and of distances in metres, up to which places are on one surface."""
 
 Shade = Callable[[Hits, Array], Array]
 """Function that returns the light that comes from places to the camera, by the light on them."""
@@ -32,7 +32,7 @@ class Reflections:
     gloss: LightGrid | None
     mirrors: LightGrid | None
     shares: Array
-    """See `Lighting.gloss`."""
+    """Shares of light that geoms mirror, straight and along the surface, shape (geoms, 2)."""
     camera: Camera
 
     @classmethod
@@ -76,7 +76,7 @@ class Reflections:
         )
 
     def added(self, seen: Array, hits: Hits, rows: Array, columns: Array) -> Array:
-        """Returns the light from places with what they mirror."""
+        """Adds to the light from places what they mirror, in place, and returns it."""
         if self.gloss is None and self.mirrors is None:
             return seen
         known = np.maximum(hits.geoms, 0)
@@ -95,7 +95,7 @@ class Reflections:
         return seen
 
     def _share(self, hits: Hits) -> Array:
-        """Share of light that surfaces mirror at places: more of it along them."""
+        """Returns the share of light that surfaces mirror at places: more of it the more one looks along them."""
         ways = hits.places - np.array(self.camera.place)
         ways /= np.maximum(np.linalg.norm(ways, axis=1), 1e-6)[:, None]
         facing = np.clip(np.abs(np.sum(ways * hits.normals, axis=1)), 0, 1)
@@ -104,7 +104,10 @@ class Reflections:
 
 
 def _surfaces(few: Hits, shares: Array) -> Iterator[tuple[Ids, Array, Array]]:
-    """Yields level surfaces that mirror and are large in the picture: their geoms, normal and a place on them."""
+    """Yields level surfaces that mirror and are large in the picture: their geoms, normal and a place on them.
+
+    The largest come first; those that fill too little of the picture are left out.
+    """
     known = np.maximum(few.geoms, 0)
     glossy = np.flatnonzero((few.geoms >= 0) & (shares[known, 0] > 0))
     if len(glossy) == 0:
@@ -126,7 +129,7 @@ def _surfaces(few: Hits, shares: Array) -> Iterator[tuple[Ids, Array, Array]]:
 
 
 def _window(mine: NDArray[np.int64], shape: tuple[int, int]) -> tuple[int, int, int, int]:
-    """Rows and columns (first, and one after the last) that surround pixels."""
+    """Returns the rows and columns (first, and one after the last) that surround pixels: top, bottom, left, right."""
     rows, columns = mine // shape[1], mine % shape[1]
     return int(rows.min()), int(rows.max()) + 1, int(columns.min()), int(columns.max()) + 1
 
@@ -140,7 +143,18 @@ def _seen(
     caster: RayCaster, camera: Camera, plane: tuple[Array, Array], lighting: Lighting, shade: Shade,
     window: tuple[int, int, int, int], step: int, shape: tuple[int, int],
 ) -> Array:  # fmt: skip
-    """Light that a plane mirrors at the pixels of a part of a picture."""
+    """Returns the light that a plane mirrors at the pixels of a part of a picture.
+
+    Args:
+        caster: Casts the rays.
+        camera: The picture's camera.
+        plane: The mirror's normal and a place on it.
+        lighting: The lamps and the sun.
+        shade: Gives the light that places send to the camera.
+        window: Top, bottom, left and right of the part, in steps; bottom and right are exclusive.
+        step: Pixels between the places that are looked at.
+        shape: Rows and columns of the whole picture.
+    """
     normal, place = plane
     top, bottom, left, right = window
     rows, columns = (axis.ravel().astype(float) * step for axis in np.mgrid[top:bottom, left:right])

@@ -18,7 +18,7 @@ from .ray_picture import GAMMA, Look
 from .room_looks import Looks
 
 _PER_SET = 16
-"""Lamps of a set: as many as there are pixels in a square that shares what it saw."""
+"""Number of lamps of a set: as many as there are pixels in a square that shares what it saw."""
 
 _SKY_POWER = 2.6
 """Light of a window a metre wide, as `Lamp.power` counts it."""
@@ -29,9 +29,9 @@ _LAMP_COLOR = (1.0, 0.86, 0.66)
 _STANDING_POWER, _STANDING_COLOR = 1.3, (1.0, 0.72, 0.42)
 """Light of a lamp of 0.4 m that stands on the floor, and its colour: evening comes into the day."""
 _STANDING_M = 0.02
-"""Distance of such a lamp's light from its shade, which would hide it."""
+"""Distance in metres of such a lamp's light from its shade, which would hide it."""
 _LAMP_M, _BELOW_CEILING_M = 0.17, 0.15
-"""Radius of a lamp and its distance from the ceiling, under its shade."""
+"""Radius of a lamp and its distance from the ceiling, under its shade, in metres."""
 _SUN_POWER = 5.5
 """Light of the sun on a white sheet that faces it."""
 _SUN_COLOR = np.array((1.0, 0.89, 0.71))
@@ -43,9 +43,9 @@ _SUN_RADIUS = 0.022
 _AMBIENT = 0.03
 """Light that was thrown back more than once."""
 _AGAIN_SETS = 3
-"""Sets of lamps for light that was thrown back twice."""
+"""Number of sets of lamps for light that was thrown back twice."""
 _SHADED_M = 0.55
-"""Things take light from what is nearer than this: a table from the floor below it."""
+"""Distance in metres up to which things take light from each other: a table from the floor below it."""
 _INTO_ROOM_M = 0.2
 _SLACK_M = 0.15
 _SEED = 5
@@ -55,12 +55,12 @@ class Opening(NamedTuple):
     """A window that lights a room."""
 
     start: Array
-    """One end at the sill, metres."""
+    """Position of one end of the window at its sill, in metres."""
     along: Array
-    """The way to its other end."""
+    """Vector from the start of the window to its other end, in metres."""
     up_m: float
     inward: Array
-    """Unit vector into the room."""
+    """Unit vector, across the wall, into the room."""
 
     @property
     def wide_m(self) -> float:
@@ -106,7 +106,7 @@ def room_lighting(caster: RayCaster, looks: Looks, world: World, room: Room) -> 
 
 
 def _neighbours(world: World, room: Room) -> list[Room]:
-    """Rooms that one sees through a room's doors and openings."""
+    """Returns the rooms that one sees through a room's doors and openings, without the room itself."""
     ways = [passage.rooms for passage in world.floorplan.passages if room.name in passage.rooms]
     return [other for other in world.floorplan.rooms if other != room and any(other.name in way for way in ways)]
 
@@ -126,7 +126,7 @@ def _openings(world: World, room: Room) -> list[Opening]:
 
 
 def _inward(window: Window, room: Room) -> Array:
-    """Unit vector from a window into its room."""
+    """Returns the unit vector, across its wall, from a window into its room."""
     x, y = (window.start[0] + window.end[0]) / 2, (window.start[1] + window.end[1]) / 2
     if abs(window.end[0] - window.start[0]) > abs(window.end[1] - window.start[1]):
         return np.array((0.0, 1.0 if contains(room.polygon, x, y + 0.3) else -1.0, 0.0))
@@ -134,7 +134,7 @@ def _inward(window: Window, room: Room) -> Array:
 
 
 def _window_lamps(opening: Opening) -> list[Lamp]:
-    """Lamps all over a window that shine into the room like the sky outside."""
+    """Makes lamps all over a window that shine into the room like the sky outside."""
     facing = (float(opening.inward[0]), float(opening.inward[1]), 0.0)
     lamps: list[Lamp] = []
     for share in (0.125, 0.375, 0.625, 0.875):
@@ -146,7 +146,7 @@ def _window_lamps(opening: Opening) -> list[Lamp]:
 
 
 def _ceiling_lamps(world: World, rooms: Sequence[Room], power: float) -> list[list[Lamp]]:
-    """Lamps all over each ceiling lamp of rooms; one in the middle of a room that has none."""
+    """Makes a set of lamps all over each ceiling lamp of rooms; a room that has none gets one in its middle."""
     z = world.floorplan.ceiling_height_m - _BELOW_CEILING_M
     known = lamp_spots(world)
     sets: list[list[Lamp]] = []
@@ -165,7 +165,7 @@ def _ceiling_lamps(world: World, rooms: Sequence[Room], power: float) -> list[li
 
 
 def _standing(middle: Vector, half: Vector) -> list[Lamp]:
-    """Lamps all around a shade, above and below it: those within would light the shade alone."""
+    """Makes lamps all around a shade, above and below it: those within would light the shade alone."""
     (x, y, z), (wide, _, tall) = middle, half
     power = _STANDING_POWER * min(1.0, wide / 0.2)
     made: list[Lamp] = []
@@ -183,7 +183,7 @@ def _standing(middle: Vector, half: Vector) -> list[Lamp]:
 
 
 def _one_set(sets: Sequence[list[Lamp]], count: int = 1) -> list[list[Lamp]]:
-    """Merges sets of lamps into one, or a few, that give as much light; none stays none."""
+    """Returns sets of lamps merged into one, or into `count`, that give as much light; empty for no sets."""
     if not sets:
         return []
     # One of each set in turn, and from different parts of them.
@@ -195,7 +195,7 @@ def _one_set(sets: Sequence[list[Lamp]], count: int = 1) -> list[list[Lamp]]:
 
 
 def _spread(lamps: Sequence[Lamp], rng: np.random.Generator) -> Array:
-    """A direction for each lamp, as light leaves a white sheet: more straight ahead than aside."""
+    """Returns a random direction for each lamp, as light leaves a white sheet: more straight ahead than aside."""
     ahead = np.array([lamp.facing for lamp in lamps])
     aside = np.where(np.abs(ahead[:, 2:]) > 0.5, np.array((1.0, 0.0, 0.0)), np.array((0.0, 0.0, 1.0)))
     first = np.cross(ahead, aside)
@@ -206,7 +206,10 @@ def _spread(lamps: Sequence[Lamp], rng: np.random.Generator) -> Array:
 
 
 def _thrown_back(caster: RayCaster, look: Look, lamps: Sequence[Lamp], rays: Array) -> list[Lamp]:
-    """Lamps where the light of others falls first, in the colour of what it falls on."""
+    """Makes lamps where the light of others falls first, in the colour of what it falls on.
+
+    Those whose light leaves through a window make none; the others' power is lowered to fit.
+    """
     made: list[Lamp] = []
     for lamp, ray in zip(lamps, np.broadcast_to(rays, (len(lamps), 3)), strict=True):
         hit = caster.hits(lamp.place, ray[None])
@@ -284,7 +287,7 @@ class Sun:
 
 
 def _toward(openings: Sequence[Opening]) -> Array:
-    """Direction of the sun: the one of sixteen from which most of it comes in."""
+    """Returns the direction to the sun: the one of sixteen from which most of its light comes in."""
     best, most = np.array((0.0, 0.0, 1.0)), -1.0
     for number in range(16):
         turn = (number + 0.4) * pi / 8  # never straight along a wall
@@ -300,7 +303,7 @@ def _toward(openings: Sequence[Opening]) -> Array:
 
 
 def _passes(opening: Opening, places: Array, ways: Array) -> Flags:
-    """Whether ways from places lead through a window, or just beside it."""
+    """Returns a mask of the ways from places that lead through a window, or just beside it."""
     slope = ways @ opening.inward
     away = ((opening.start - places) @ opening.inward) / np.where(np.abs(slope) < 1e-6, 1e-6, slope)
     crossing = places + ways * away[:, None] - opening.start

@@ -24,20 +24,22 @@ SMOOTH = ("Linoleum", "Parquetry", "Tiles")
 """Materials of floors that mirror: lacquered, waxed or glazed."""
 
 THRESHOLD_M = 0.05
-"""Width of the strip that covers the joint of two floors."""
+"""Width of the strip that covers the joint of two floors, in metres."""
 THRESHOLD_COLOR = (0.62, 0.54, 0.43)
 
 _GRAIN_PER_M = (1.3, 42.0)
-"""Bumps of the grain of wood, along a board and across it."""
+"""Bumps of the grain of wood in a metre, along a board and across it."""
 _GRAIN = 0.22
-"""Difference between the lightest and the darkest wood of a board, of 1."""
+"""Difference of brightness between the lightest and the darkest wood of a board, as a share of the whole."""
 _WARM, _RED, _SATURATED, _LEAST_BLUE = 0.07, 0.25, 0.16, 0.3
-"""A plain colour is taken for wood if there is so much more red than green (least and most), so much more red than
-blue, and so much blue for its red: cloth is more colourful."""
+"""Limits of a plain colour that is taken for wood, as cloth is more colourful.
+
+They are: least and most excess of red over green, least excess of red over blue, and least blue for its red.
+"""
 _EDGE_M = 0.007
-"""Width of the rounded edges of furniture, which catch light."""
+"""Width of the rounded edges of furniture, which catch light, in metres."""
 _BUMP_M, _BUMP = 0.004, 0.55
-"""Distance at which a pattern's brightness is compared, and how much a surface turns by it: dark joints lie deeper."""
+"""Distance in metres at which a pattern's brightness is compared, and how much a surface turns by it."""
 _GLOSS = {
     "mirror": (0.8, 0.9),
     "screen": (0.05, 0.9),
@@ -57,11 +59,11 @@ _GLOSSY: tuple[tuple[tuple[str, ...], str], ...] = (
 )
 """Beginnings and parts of names of geoms that mirror, by their kind of gloss; the first that fits counts."""
 _SHADE = np.array((1.9, 1.5, 0.95))
-"""Light of a lamp shade whose bulb is on."""
+"""Light (red, green, blue) of a lamp shade whose bulb is on."""
 _FINER = {"wall_Stone_": 1.7, "wall_Brick_": 1.15}
-"""Pictures show patterns so much smaller than simulations do, whose cameras have few pixels."""
+"""Factors by which pictures show patterns smaller than simulations do, whose cameras have few pixels."""
 _WALL_M, _INDOORS_M = 0.04, 0.11
-"""Distances in front of a wall within its room, and outside rooms up to which things belong to windows and walls."""
+"""Distances in metres: in front of a wall within its room, and outside rooms up to which things belong to walls."""
 _NO_WOOD = ("cover", "blanket", "cushion", "pillow", "soft", "shade", "mattress", "throw")
 
 
@@ -108,7 +110,7 @@ class Looks:
         return [(tuple(at), tuple(half)) for at, half in zip(middles.tolist(), self._half[lamps].tolist(), strict=True)]
 
     def outdoors(self, hits: Hits) -> Flags:
-        """Returns which places are outside the building."""
+        """Returns a mask of the places that are outside the building; rays without a hit are not."""
         x, y, _ = (hits.places + 0.02 * hits.normals).T
         outside = hits.geoms >= 0
         for rects, _ in self._rooms:
@@ -137,7 +139,10 @@ class Looks:
         return _GLOSS[fits[0]] if fits else (0.0, 0.0)
 
     def bent(self, hits: Hits) -> Array:
-        """Returns the directions that surfaces have for light: edges are round, and patterns have bumps."""
+        """Returns the directions that surfaces have for light: edges are round, and patterns have bumps.
+
+        They have length 1, shape (n, 3).
+        """
         known = np.maximum(hits.geoms, 0)
         bent = hits.normals.copy()
         mine = np.flatnonzero((hits.geoms >= 0) & self._sharp[known])
@@ -152,7 +157,7 @@ class Looks:
         return bent / np.maximum(np.linalg.norm(bent, axis=1), 1e-6)[:, None]
 
     def _rounded(self, hits: Hits) -> Array:
-        """Directions of the surfaces of boxes, whose edges are round."""
+        """Returns directions at places on boxes, as if the boxes had round edges; they have no fixed length."""
         geoms = hits.geoms
         turns, half = self._turns[geoms], self._half[geoms]
         inside = self._inside(hits)
@@ -165,7 +170,7 @@ class Looks:
         return np.einsum("nij,nj->ni", turns, local) + hits.normals * 0.35
 
     def _inside(self, hits: Hits) -> Array:
-        """Places from the middles of their geoms, along the geoms' own axes."""
+        """Returns places as seen from the middles of their geoms, along the geoms' own axes, in metres."""
         geoms = hits.geoms
         return np.einsum("nji,nj->ni", self._turns[geoms], hits.places - self._places[geoms]) - self._middle[geoms]
 
@@ -187,7 +192,7 @@ class Looks:
         return colors
 
     def _detail(self, colors: Array, hits: Hits, geoms: Ids) -> None:
-        """Draws grain, weave, panels and prints into colours."""
+        """Draws grain, weave, panels and prints into `colors`, which is changed in place; geoms of -1 are left out."""
         known, there = np.maximum(geoms, 0), geoms >= 0
         wood, cloth, panelled, prints = (
             np.flatnonzero(there & kind[known]) for kind in (self._wood, self._cloth, self._panel, self._print)
@@ -199,7 +204,7 @@ class Looks:
         colors[prints] = drawn(colors[prints], self._inside(hits[prints]), self._half[own], own.astype(float))
 
     def _wall(self, name: str, hits: Hits) -> Array:
-        """Colours of walls: those of the room before them, also at the ends of walls of other rooms."""
+        """Returns the colours of walls: those of the room before them, also at the ends of walls of other rooms."""
         x, y, _ = (hits.places + _WALL_M * hits.normals).T
         names = np.full(len(x), -1)
         for number, (rects, _) in enumerate(self._rooms):
@@ -232,7 +237,7 @@ class Looks:
         return colors
 
     def _worked(self, hits: Hits) -> Array:
-        """Brightness of the grain of wood at places."""
+        """Returns the brightness of the grain at places: around 1 on wood, 1 elsewhere."""
         geoms = hits.geoms
         inside, half = self._inside(hits), self._half[geoms]
         order = np.argsort(-half, axis=1)
@@ -245,7 +250,10 @@ class Looks:
 
 
 def _bumpy(name: str, hits: Hits) -> Array:
-    """Directions of a patterned surface: it slopes where its brightness changes."""
+    """Returns directions at places on a patterned surface, which slopes where its brightness changes.
+
+    They have no fixed length.
+    """
     x, y, z = hits.places.T
     upright = np.abs(hits.normals[:, 2]) < 0.5
     on_y = np.abs(hits.normals[:, 0]) > 0.5

@@ -25,36 +25,36 @@ from .room_lights import room_lighting
 from .room_looks import Looks
 
 EYE_M = 1.45
-"""Height of the camera above the floor: that of photographs of rooms."""
+"""Height of the camera above the floor, in metres: that of photographs of rooms."""
 
 _FOV_DEG = 67.0
-"""Angle of view from left to right: wider ones draw things at the edges out of shape."""
+"""Angle of view from left to right, in degrees: wider ones draw things at the edges out of shape."""
 _DROP = 0.15
 """Distance of the picture's middle below the horizon, over its distance: one sees more of floors than of ceilings."""
 _BEHIND_M = (0.55, 1.1, 1.7)
-"""Distances behind a wall at which a camera may stand that sees through it: rooms are smaller than views are wide."""
+"""Distances in metres behind a wall at which a camera may stand that sees through it: rooms are small."""
 _ALONG = (0.2, 0.4, 0.6, 0.8)
-"""Places along a wall behind which it may stand."""
+"""Places along a wall, as shares of its length, behind which a camera may stand."""
 _WALL_COST = 0.1
-"""Less for a view through a wall, for each metre: the camera stands in the room where it can."""
+"""Cost of a view through a wall, for each metre behind it: the camera stands in the room where it can."""
 _WALL_HALF_M = 0.12
-"""Walls, curtains and skirtings are nearer to a room's outline than this."""
+"""Distance from a room's outline, in metres, within which walls, curtains and skirtings are."""
 _FROM_WALL_M = 0.28
 _STEP_M, _MOST_STEPS = 0.8, 5
-"""Distance between places where the camera might stand, and steps between a room's walls at most."""
+"""Distance between places where the camera might stand, in metres, and largest number of steps between two walls."""
 _LOOK = (26, 16)
-"""Rays of a look from a place where the camera might stand, to the right and down."""
+"""Numbers of rays, to the right and down, of a look from a place where the camera might stand."""
 _TOLD_SHARE, _MAIN_SHARE = 0.012, 0.03
-"""Share of the picture from which one knows a piece of furniture, and one that makes a room what it is."""
+"""Shares of the picture from which one knows a piece of furniture, and one that makes a room what it is."""
 _TOLD_FROM_M = 1.0
-"""Nearer furniture is cut by the picture's edge."""
+"""Least distance of furniture that one knows, in metres; nearer pieces are cut by the picture's edge."""
 _NEAR_M, _BEFORE_EYES_M = 1.0, 0.5
 _FOREGROUND_M = 1.7
-"""Furniture that is nearer hides what lies behind it."""
+"""Distance below which furniture hides what lies behind it, in metres."""
 _BUILDING = ("wall_", "floor_", "ceiling_", "window_", "curtain_", "blind_", "skirting_", "doorframe_")
 """Beginnings of the names of what a room is made of: it may be near."""
 _BESIDE_M, _BEFORE_SHARE = 2.2, 0.8
-"""Distance of such things at the sides that is too near, and the share of the usual distance that is in the middle."""
+"""Distance in metres of tall things at the sides that is too near; share of the usual distance in the middle."""
 _TALL_M, _BEFORE_M = 1.15, 2.6
 """Height and distance of furniture, such as a floor lamp, that stands before the eyes in the middle of a picture."""
 _CUT = 2.0
@@ -218,7 +218,7 @@ class _View:
         return score - 3.0 * float(near.mean()) - 8.0 * float((near & (ahead < _BEFORE_EYES_M)).mean())
 
     def _inside(self, places: Array) -> Flags:
-        """Whether places are in the room or on its walls."""
+        """Returns a mask of the places that are in the room or on its walls."""
         inside = np.zeros(len(places), np.bool_)
         for x0, y0, x1, y1 in room_rects(self._room):
             inside |= (places[:, 0] >= x0) & (places[:, 0] <= x1) & (places[:, 1] >= y0) & (places[:, 1] <= y1)
@@ -226,7 +226,7 @@ class _View:
 
 
 def _to_front(camera: Camera, rays: Array) -> Array:
-    """Distance along rays to the plane from which a camera sees; 0 for a camera without one."""
+    """Returns the distance along rays to the plane from which a camera sees, in metres; 0 for a camera without one."""
     if camera.front is None:
         return np.zeros(len(rays))
     place, normal = (np.array(each) for each in camera.front)
@@ -234,7 +234,10 @@ def _to_front(camera: Camera, rays: Array) -> Array:
 
 
 def _wall_spots(room: Room) -> Iterator[tuple[tuple[float, float], tuple[float, float]]]:
-    """Yields places on the walls of a room's parts, each with the direction into the room."""
+    """Yields places on the walls of a room's parts, each with the direction into the room.
+
+    Places are x and y in metres, a little inside; directions are unit vectors.
+    """
     for x0, y0, x1, y1 in room_rects(room):
         for share in _ALONG:
             x, y = x0 + share * (x1 - x0), y0 + share * (y1 - y0)
@@ -246,7 +249,7 @@ def _wall_spots(room: Room) -> Iterator[tuple[tuple[float, float], tuple[float, 
 
 
 def _targets(room: Room, pieces: list[Furniture]) -> Iterator[tuple[float, float]]:
-    """Places that a camera may look at: the room's middle, where robots go, and its furniture's."""
+    """Yields places that a camera may look at: the room's middle, where robots go, and its furniture's."""
     yield _middle(room)
     yield room.goal
     main = [item for item in pieces if item.model_type in _MAIN.get(room.type, ())]
@@ -256,7 +259,10 @@ def _targets(room: Room, pieces: list[Furniture]) -> Iterator[tuple[float, float
 
 
 def _spots(room: Room, pieces: list[Furniture]) -> list[tuple[float, float]]:
-    """Places along the walls and across the room where a photographer could stand; where he could not, if none is."""
+    """Returns places along the walls and across a room where a photographer could stand; x and y in metres.
+
+    If furniture is on all of them, it returns them as if it were empty.
+    """
     spots: list[tuple[float, float]] = []
     for x0, y0, x1, y1 in room_rects(room):
         xs, ys = (_steps(low + _FROM_WALL_M, high - _FROM_WALL_M) for low, high in ((x0, x1), (y0, y1)))
@@ -268,7 +274,7 @@ def _spots(room: Room, pieces: list[Furniture]) -> list[tuple[float, float]]:
 
 
 def _steps(low: float, high: float) -> list[float]:
-    """Places between two ends, both of them included."""
+    """Returns equally spaced places between two ends, both of them included."""
     count = min(_MOST_STEPS, max(1, round((high - low) / _STEP_M)))
     return [low + (high - low) * index / count for index in range(count + 1)]
 

@@ -153,7 +153,10 @@ def _overlapping(world: World, scan: Scan, deep: Sequence[Overlap]) -> Iterator[
 
 
 def _restless(world: World, scan: Scan, drift: NDArray[np.float64] | None) -> Iterator[Fault]:
-    """Yields the bodies that move by themselves, those that move furthest first."""
+    """Yields the bodies that move by themselves, those that move furthest first.
+
+    Nothing is yielded if `drift`, the metres that each joint's body moved, was not measured.
+    """
     if drift is None:
         return
     for joint in np.argsort(-drift)[:MOST_TOLD].tolist():
@@ -187,7 +190,7 @@ class _Reach(NamedTuple):
 
 
 def goals_of(world: World) -> list[tuple[str, Point]]:
-    """Returns the goals of rooms, and those that the notes of an imported world name."""
+    """Returns name and position of the goals of rooms, and of those that the notes of an imported world name."""
     named = world.source.goals if isinstance(world.source, GazeboSource) else {}
     return [*((room.name, room.goal) for room in world.floorplan.rooms), *named.items()]
 

@@ -104,7 +104,7 @@ def map_faults(world: World, site: Site, read: OccupancyGrid, *, as_described: b
 
 
 def _places(cells: Cells, grid: OccupancyGrid) -> Iterator[tuple[int, Point]]:
-    """Yields the largest groups of cells: their size, and the position of one cell."""
+    """Yields the three largest groups of connected cells: their number of cells, and the place of one in metres."""
     if not cells.any():
         return
     found, count = ndimage.label(cells, np.ones((3, 3)))  # pyright: ignore[reportGeneralTypeIssues]
@@ -121,7 +121,7 @@ def _places(cells: Cells, grid: OccupancyGrid) -> Iterator[tuple[int, Point]]:
 
 
 def _there(scan: Scan, place: Point) -> str:
-    """Returns the name of the solid part at a position."""
+    """Returns the name of the solid part at a position; `something` if there is none."""
     for geom, outline in scan.slices:
         xs, ys = zip(*outline, strict=True)
         if min(xs) - 0.05 < place[0] < max(xs) + 0.05 and min(ys) - 0.05 < place[1] < max(ys) + 0.05:

@@ -58,7 +58,10 @@ def meet(model: mujoco.MjModel, one: int, other: int) -> bool:
 
 
 def _near(model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Returns pairs of indices in `geoms` whose bounding boxes overlap, in a tenth of a millisecond."""
+    """Returns pairs of indices in `geoms` whose bounding boxes overlap, in a tenth of a millisecond.
+
+    Parts of one piece do not make a pair. The result has shape (n, 2).
+    """
     axes, boxes = data.geom_xmat[geoms].reshape(-1, 3, 3), model.geom_aabb[geoms]
     center = data.geom_xpos[geoms] + (axes @ boxes[:, :3, None])[..., 0]
     half = (np.abs(axes) @ boxes[:, 3:, None])[..., 0]
@@ -126,7 +129,10 @@ _PUSH_SPEED_FACTORS = np.array([1.0, 1.0, 0.5, 5.0, 5.0, 5.0])
 
 
 def drift_m(model: mujoco.MjModel, settle_s: float) -> NDArray[np.float64]:
-    """Simulates a world; returns how far each movable body moves by itself, in metres."""
+    """Simulates a world; returns how far each movable body moves by itself, in metres.
+
+    There is one entry for each joint. A body that was so fast that MuJoCo gave up has `THROWN_M`.
+    """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     bodies = np.asarray(model.jnt_bodyid)
@@ -215,7 +221,7 @@ def _settle(model: mujoco.MjModel, data: mujoco.MjData, span_s: float, watched_s
     """Simulates with every body awake at first; bodies at rest fall asleep later, which saves time.
 
     Bodies that are asleep from the beginning would have no contacts and never move: a floating or half-sunk book would
-    pass.
+    pass. `data` is advanced by `span_s` seconds, or less if all bodies fall asleep; none does in the first `watched_s`.
     """
     watched_s = min(watched_s, span_s)
     awake = model.opt.enableflags

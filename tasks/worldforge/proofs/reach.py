@@ -83,7 +83,10 @@ def measure_ways(world: World, scan: Scan) -> tuple[list[RoomWay], list[Fault]]:
 
 
 def _clear(passage: Passage, scan: Scan, boxes: NDArray[np.float64]) -> tuple[float, int | None]:
-    """Returns the widest gap along a passage's line, and the obstacle at its side or in its middle."""
+    """Returns the widest gap along a passage's line in metres, and the geom at its side or in its middle.
+
+    The geom is `None` if nothing stands there. Open door leaves before the passage count as obstacles.
+    """
     along = 0 if passage.start[1] == passage.end[1] else 1
     line = passage.start[1 - along]
     first, last = sorted((passage.start[along], passage.end[along]))
@@ -129,6 +132,6 @@ def _cuts(outline: Sequence[Point], along: int, levels: tuple[float, float]) -> 
 
 
 def share(part: NDArray[np.bool_], whole: NDArray[np.bool_]) -> float:
-    """Returns the share of map cells that are reached, 0 to 1, to four digits."""
+    """Returns the share of map cells that are reached, 0 to 1, to four digits; 0 if there are none to reach."""
     count = int(np.count_nonzero(whole))
     return round(int(np.count_nonzero(part)) / count, 4) if count else 0.0

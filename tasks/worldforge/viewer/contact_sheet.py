@@ -60,6 +60,21 @@ def json_island(value: Any) -> Markup:
     return Markup(text)  # noqa: S704
 
 
+def write_whole(text: str, path: Path) -> Path:
+    """Writes an HTML page to a file, which is replaced as a whole; creates its folder, and returns its path.
+
+    Raises OSError if the file cannot be written; a file that was there stays then.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        partial.write_text(text, encoding="utf-8")
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+    return path
+
+
 @cache
 def _text(name: str) -> str:
     return (_FOLDER / name).read_text(encoding="utf-8")
@@ -143,7 +158,7 @@ class Sheet:
 
 
 def sheet_world(name: str, arn: str, world: World, preview: bytes | None) -> SheetWorld:
-    """Makes the contact sheet's entry of a world."""
+    """Makes the contact sheet's entry of a world; `preview` is its picture (PNG), or `None` without one."""
     broken = tuple(violations(world.checks)) if world.checks else ()
     plan = world.floorplan
     return SheetWorld(
@@ -187,7 +202,10 @@ def sheet_page(sheet: Sheet) -> str:
 
 
 def sheet_png(sheet: Sheet) -> bytes:
-    """Renders the contact sheet as one picture (PNG)."""
+    """Renders the contact sheet as one picture (PNG).
+
+    Returns the content of the file; nothing is written.
+    """
     columns = max(1, min(_MOST_COLUMNS, len(sheet.worlds)))
     rows = -(-len(sheet.worlds) // columns)
     width, height = _TILE

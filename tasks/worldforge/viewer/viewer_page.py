@@ -135,6 +135,6 @@ def write_pictures(world: World, bundle: Path, folder: Path) -> list[Path]:
 
 
 def preview_png(world: World, bundle: Path) -> bytes:
-    """Returns the picture of a world from above: the stored one, or a new one."""
+    """Returns the picture (PNG) of a world from above: the one stored in its bundle, or a new one, not stored."""
     stored = bundle / PREVIEW_FILE
     return stored.read_bytes() if stored.is_file() else render_preview(world)

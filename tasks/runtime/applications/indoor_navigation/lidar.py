@@ -107,7 +107,7 @@ def hide_geoms_from_lidar(
         tolerance_m: Change of the plane's height at the sensor's range when the robot tilts.
 
     Returns:
-        The group, or nothing when the world uses all of them.
+        The group, or `None` if the world uses all of them; nothing is moved then.
     """
     unused = [group for group in _VISIBLE_GROUPS if group not in model.geom_group]
     if not unused:

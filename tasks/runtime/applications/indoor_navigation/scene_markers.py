@@ -126,7 +126,7 @@ _FLOOR_M = 0.005
 """Largest height in metres of a shape's top at which it counts as floor."""
 
 Pose = tuple[NDArray[np.float64], NDArray[np.float64]]
-"""Pose: position, and quaternion with w first."""
+"""Pose: position in metres, and unit quaternion with w first."""
 
 
 def occupancy_grid(known: OccupancyMap, header: ros.Header) -> OccupancyGrid:

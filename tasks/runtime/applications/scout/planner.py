@@ -45,7 +45,10 @@ def smooth(points: NDArray[np.float64], clearance: Clearance, radius_m: float) -
 
 
 def resample(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns points evenly spaced along a polyline in metres, shape (n, 2), both ends included."""
+    """Returns points evenly spaced along a polyline in metres, shape (n, 2), both ends included.
+
+    They are about `STEP_M` apart; there are two at least.
+    """
     lengths = np.hypot(*np.diff(points, axis=0).T) if len(points) > 1 else np.zeros(0)
     along = np.concatenate(([0.0], np.cumsum(lengths)))
     count = max(2, round(float(along[-1]) / STEP_M) + 1)
@@ -105,7 +108,7 @@ _SNAP_M = 0.5
 """Maximum distance in metres by which a start or goal is moved to a cell where the robot fits."""
 
 Path = NDArray[np.float64]
-"""Points of shape (n, 2), metres."""
+"""Points of a path, shape (n, 2), in metres."""
 
 WayKind = Literal["free", "tight", "pushing"]
 """Kind of path: `free` has a margin, `tight` just fits, `pushing` goes through obstacles that are not on the map."""
@@ -254,7 +257,10 @@ class _Grid:
         return nearest if squares[nearest] <= _SNAP_M**2 else None
 
     def tree(self, end: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-        """Returns the cost from every node to an end node, and each node's successor on the shortest path."""
+        """Returns the cost from every node to an end node, and each node's successor on the shortest path.
+
+        Where there is no path, the cost is infinite and the successor negative.
+        """
         if end not in self._trees:
             self._trees[end] = csgraph.dijkstra(self._graph, indices=end, return_predecessors=True)
         return self._trees[end]

@@ -152,7 +152,7 @@ class _Actuators:
         raise invalid(self.where, f"{field}: there is no joint or actuator {name!r}; {hint}")
 
     def joint(self, actuator: int) -> int | None:
-        """Returns the joint that an actuator moves, if any."""
+        """Returns the number of the joint that an actuator moves; `None` if it moves no joint."""
         is_joint = self.model.actuator_trntype[actuator] == _JOINT
         return int(self.model.actuator_trnid[actuator, 0]) if is_joint else None
 

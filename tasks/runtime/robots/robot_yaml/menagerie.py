@@ -82,7 +82,10 @@ def menagerie_mapping(reference: str, variables: Mapping[str, str]) -> tuple[Men
 
 
 def _folder(name: str, variables: Mapping[str, str]) -> MenagerieFile:
-    """Returns the place of a robot model of MuJoCo Menagerie: in the checkout that a variable names, or downloaded."""
+    """Returns the place of a robot model of MuJoCo Menagerie: in the checkout that a variable names, or downloaded.
+
+    Raises LaunchError if there is no such model, or if it cannot be downloaded.
+    """
     return _in_checkout(name, variables[ROOT_VARIABLE]) if variables.get(ROOT_VARIABLE) else _fetched(name, variables)
 
 

@@ -85,6 +85,8 @@ class SensorKind(Model):
         Args:
             header: Simulated time, and frame of the sensor.
             numbers: Numbers of the reading.
+
+        Raises NotImplementedError where no kind overrides it.
         """
         raise NotImplementedError
 
