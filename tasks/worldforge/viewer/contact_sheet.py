@@ -60,21 +60,6 @@ def json_island(value: Any) -> Markup:
     return Markup(text)  # noqa: S704
 
 
-def write_whole(text: str, path: Path) -> Path:
-    """Writes an HTML page to a file, which is replaced as a whole; creates its folder, and returns its path.
-
-    Raises OSError if the file cannot be written; a file that was there stays then.
-    """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        partial.write_text(text, encoding="utf-8")
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
-    return path
-
-
 @cache
 def _text(name: str) -> str:
     return (_FOLDER / name).read_text(encoding="utf-8")
