@@ -125,7 +125,7 @@ class WarmWorker:
         }
 
     def _waits(self) -> list[WaiterRecord]:
-        """Lists the jobs of this process that wait for a slot, memory or disk of this machine."""
+        """Lists the jobs and batches of this process that wait for a slot, memory or disk, the longest wait first."""
         return jobs_that_wait(self._service.settings, os.getpid())
 
     def end(self) -> dict[str, int]:

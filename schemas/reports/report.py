@@ -117,6 +117,11 @@ class Share(Model):
     errors: int = Field(
         default=0, description="Number that could not be judged because of an error; not part of the rate."
     )
+    copies: int = Field(
+        default=0,
+        description="Number of those that went through the same states as another one; the interval is as wide as that "
+        "of the others.",
+    )
     rate: float | None = optional("passed / (passed + failed); absent when that is 0 / 0.")
     low: float | None = optional("Lower end of the 95 % Wilson score interval of the rate.")
     high: float | None = optional("Upper end of that interval.")

@@ -86,9 +86,11 @@ class Evidence:
     axes: tuple[AxisColumn, ...]
     """Axes with two values or more; none of them is the world itself."""
     twins: int
-    """Number of further trials that had the same values of all axes and went through the same states: no evidence."""
+    """Number of further trials that went through the same states, with the same values of all axes or in a job that
+    is a copy of another: no evidence.
+    """
     idle: tuple[str, ...]
-    """Axes that changed nothing in some job: trials that differ in them alone count once."""
+    """Axes that changed nothing in some job, or that only copied jobs have other values of: trials count once."""
     signatures: tuple[Signature | None, ...]
     """Way in which each trial failed; None: it passed."""
 
@@ -112,8 +114,8 @@ def evidence_of(results: ResultTable, states: Sequence[str | None] | None = None
     wanted = [code for code, outcome in enumerate(outcomes) if outcome in ("passed", "failed")]
     judged = np.flatnonzero(np.isin(codes, wanted))
     state_codes = _state_codes(results.texts("state_digest") if states is None else states)
-    kept = _distinct(results, judged, state_codes)
-    rows, idle = _without_idle_axes(results, kept, state_codes)
+    kept, idle_in_steps = _without_copied_jobs(results, _distinct(results, judged, state_codes), state_codes)
+    rows, idle_in_jobs = _without_idle_axes(results, kept, state_codes)
     failed = np.isin(codes[rows], [code for code, outcome in enumerate(outcomes) if outcome == "failed"])
     worlds, names = _worlds(results, rows)
     columns = tuple(_axis(name, results.values(name), rows) for name in results.axes if not _is_world(results, name))
@@ -128,7 +130,7 @@ def evidence_of(results: ResultTable, states: Sequence[str | None] | None = None
         cells=key_codes([each.codes for each in axes] or [np.zeros(len(rows), dtype=np.int64)]),
         axes=axes,
         twins=len(judged) - len(kept),
-        idle=idle,
+        idle=tuple(dict.fromkeys((*idle_in_steps, *idle_in_jobs))),
         signatures=_signatures(results, rows, failed),
     )
 
@@ -180,6 +182,48 @@ def _distinct(results: ResultTable, rows: NDArray[np.int64], states: NDArray[np.
         ]
     key.append(jobs)
     return rows[np.sort(np.unique(key_codes(key), return_index=True)[1])]
+
+
+def _without_copied_jobs(
+    results: ResultTable, rows: NDArray[np.int64], states: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+    """Leaves out jobs whose trials all went through the states of those of another job of their step in the same world.
+
+    Seeds or axes of the step that change nothing make such jobs. Trials are compared by the axes that differ within
+    jobs, and by their requirements.
+
+    Returns:
+        Rows that are left, and the names of the axes of which they have one value, where the given rows had several.
+    """
+    rows_in_jobs = rows[~np.isnan(results.numbers("trial")[rows])]
+    if not len(rows_in_jobs):
+        return rows, ()
+    steps = _plain(results, "step", rows_in_jobs)
+    jobs = key_codes([steps, _plain(results, "job", rows_in_jobs)])
+    axes = (_axis(name, results.values(name), rows_in_jobs).codes for name in results.axes)
+    trials = key_codes([
+        steps, _worlds(results, rows_in_jobs)[0], _from_0(states[rows_in_jobs]),
+        _plain(results, "requirements", rows_in_jobs), *(codes for codes in axes if varies(jobs, codes).any()),
+    ])  # fmt: skip
+    order = np.argsort(jobs, kind="stable")
+    ends = np.flatnonzero(np.diff(jobs[order])) + 1
+    found: set[frozenset[int]] = set()
+    copied: list[NDArray[np.int64]] = []
+    for places in sorted(np.split(order, ends), key=lambda places: int(places[0])):
+        own = frozenset(trials[places].tolist())
+        if own in found:
+            copied.append(rows_in_jobs[places])
+        found.add(own)
+    if not copied:
+        return rows, ()
+    left = np.setdiff1d(rows, np.concatenate(copied))
+    return left, tuple(
+        name
+        for name in results.axes
+        if not _is_world(results, name)
+        and len(_axis(name, results.values(name), left).values) == 1
+        and len(_axis(name, results.values(name), rows).values) > 1
+    )
 
 
 def _without_idle_axes(

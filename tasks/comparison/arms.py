@@ -319,7 +319,7 @@ def _told(axis: _Axis, arm: _Arm, p_value: float | None, answer: Answer) -> ArmC
 
 
 def _why(arm: _Arm, p_value: float | None, answer: Answer) -> str:
-    """Returns the reason of an answer about two values of an axis, with what it leaves out."""
+    """Returns the reason of an answer about two values of an axis; the p-value is adjusted already, None: no pair."""
     if arm.rate is None:
         words = f"none of {counted(len(arm.trials), 'pair')} was judged on both sides by the same requirements"
     elif answer == "not comparable":

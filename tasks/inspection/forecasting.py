@@ -174,7 +174,7 @@ class _Costs:
     """Expected costs of jobs: the mean of the probe's jobs of the same kind, else of all jobs of the probe.
 
     Args:
-        jobs: Jobs of the probe.
+        jobs: Jobs of the probe, at least one.
     """
 
     def __init__(self, jobs: Sequence[JobCost]) -> None:

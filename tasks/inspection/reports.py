@@ -29,6 +29,7 @@ from ...schemas.reports.run_record import JobRecord, RerunOf, RunRecord, StepRec
 from ...schemas.reports.run_states import run_state, with_known
 from ...schemas.reports.variants import variants
 from ...schemas.runs.trial_rows import fails_besides
+from ...schemas.wire.common import counted
 from ...schemas.wire.errors import ResourceNotFoundException, StorageError
 from ..catalog import Resource
 from ..causes.effects import axis_effects
@@ -332,7 +333,9 @@ def _told_of_twins(jobs: Sequence[ReportedJob]) -> list[ReportedJob]:
     told: list[ReportedJob] = []
     for job in jobs:
         if job.result is not None and (count := counts.get(_states_of(job) or "", 0)) > 1:
-            note = f"{count} jobs of this run went through the same states: they count as one trial"
+            note = (
+                f"this and {counted(count - 1, 'other job')} of the run went through the same states: they count once"
+            )
             job = job.model_copy(update={"result": job.result.model_copy(update={"notes": [*job.result.notes, note]})})
         told.append(job)
     return told

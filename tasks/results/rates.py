@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...schemas.reports.report import ReportedJob, Share
 from ...schemas.reports.run_record import CaseOutcome
@@ -15,14 +16,14 @@ from .table import ResultTable
 _Z_95 = 1.959963984540054  # two-sided 95 % quantile of the normal distribution
 
 
-def wilson_interval(successes: int, trials: int, quantile: float = _Z_95) -> tuple[float, float]:
+def wilson_interval(successes: float, trials: float, quantile: float = _Z_95) -> tuple[float, float]:
     """Computes the Wilson score confidence interval of a success rate, at 95 % by default.
 
     Chosen over the textbook interval because batches are small and rates near 0 or 1 are common:
     20 passes of 20 give 0.84 to 1, not 1 to 1.
 
     Args:
-        successes: Number of successes, 0 to `trials`.
+        successes: Number of successes, 0 to `trials`; not whole where copies of trials are left out of both.
         trials: Number of trials, at least 1.
         quantile: Two-sided quantile of the normal distribution for the confidence level.
 
@@ -60,17 +61,26 @@ class Counts:
         return Counts(self.passed + other.passed, self.failed + other.failed, self.errors + other.errors)
 
 
-def share_of(name: str, passed: int, failed: int, errors: int = 0) -> Share:
+def share_of(name: str, passed: int, failed: int, errors: int = 0, different: int | None = None) -> Share:
     """Returns a pass rate with its confidence interval (Wilson) from counts; without trials it has no rate.
 
     Trials that ended with an error do not count for the rate.
+
+    Args:
+        name: Name of the rate: what the trials have in common.
+        passed: Number of trials that passed.
+        failed: Number of trials that failed.
+        errors: Number of trials that ended with an error.
+        different: Number of trials that passed or failed and went through other states than those before; the interval
+            is as wide as that of so many trials. None: all.
     """
     trials = passed + failed
     if not trials:
         return Share(name=name, passed=passed, failed=failed, errors=errors)
-    low, high = wilson_interval(passed, trials)
+    copies = 0 if different is None else trials - different
+    low, high = wilson_interval(passed / trials * (trials - copies), trials - copies)
     return Share(
-        name=name, passed=passed, failed=failed, errors=errors, rate=passed / trials, low=low, high=high
+        name=name, passed=passed, failed=failed, errors=errors, copies=copies, rate=passed / trials, low=low, high=high
     )  # fmt: skip
 
 
@@ -95,7 +105,22 @@ def of_table(name: str, results: ResultTable, *, errors_fail: bool = False) -> S
     codes, outcomes = results.codes("outcome")
     found = np.bincount(codes, minlength=len(outcomes)).tolist()
     counts = _counts(Counter(dict(zip(outcomes, found, strict=True))))
-    return share_of(name, counts.passed, counts.failed + counts.errors) if errors_fail else counts.share(name)
+    errors = counts.errors
+    if errors_fail:
+        counts, errors = Counts(counts.passed, counts.failed + errors), 0
+    counted = ("passed", "failed", "broken") if errors_fail else ("passed", "failed")
+    different = _different(results, np.isin(codes, [code for code, each in enumerate(outcomes) if each in counted]))
+    return share_of(name, counts.passed, counts.failed, errors, different)
+
+
+def _different(results: ResultTable, among: NDArray[np.bool_]) -> int:
+    """Counts trials that went through other states than those before; one without a digest is like no other.
+
+    A digest is that of all states of the model, which other worlds and robots change: equal ones are copies.
+    """
+    digests, _ = results.codes("state_digest")
+    own = digests[among]
+    return len(np.unique(own[own >= 0])) + int((own < 0).sum())
 
 
 def counts_by(results: ResultTable, column: str) -> dict[str, Counts]:

@@ -15,10 +15,9 @@ _STATE_STYLES = {"succeeded": "bold green", "failed": "bold red", "broken": "bol
 _ANSWER_STYLES = {"better": "bold green", "not worse": "bold green", "worse": "bold red"}
 _VERDICT_STYLES = {"PASS": "green", "FAIL": "red", "ERROR": "red"}
 _MAX_JOBS = 40
-_MAX_REASON = 240
-"""Limit of the characters of a failure reason in the summary; the report has all of it."""
-_END_OF_REASON = 100
-"""Characters kept of a reason's end, which says where it happened: the joint, the line, the end of a log."""
+_MAX_REASON = 500
+"""Limit of the characters of a failure reason, or a remark, in the summary: the longest sentences of ours have 400."""
+_LOG_SAYS = "; its log ends with: "
 
 
 def print_summary(
@@ -183,13 +182,23 @@ def _in_one_line(reason: str) -> str:
     first = next(iter(head.splitlines()), "")
     last = log.splitlines()[-1].strip() if "\n" in log else ""
     is_said = last in first or first in last  # an error's line in a log begins with its class
-    return first if is_said else f"{first}; its log ends with: {last}"
+    return first if is_said else f"{first}{_LOG_SAYS}{last}"
 
 
 def _cut(text: str) -> str:
+    """Shortens a text at its end, after a word; the line that a log ends with says where it happened, and is kept."""
     if len(text) <= _MAX_REASON:
         return text
-    return f"{text[: _MAX_REASON - _END_OF_REASON - 1]}…{text[-_END_OF_REASON:]}"
+    said, _, log = text.partition(_LOG_SAYS)
+    rest = _LOG_SAYS + _beginning(log, _MAX_REASON // 2) if log else ""
+    return f"{_beginning(said, _MAX_REASON - len(rest))}{rest} (cut here; the report has all of it)"
+
+
+def _beginning(text: str, most: int) -> str:
+    """Returns the beginning of a text, up to the end of a word if it has several, with `…` where something follows."""
+    if len(text) <= most:
+        return text
+    return f"{text[:most].rpartition(' ')[0] or text[:most]} …"
 
 
 def _outputs(jobs: Sequence[JobRecord]) -> str:

@@ -358,7 +358,7 @@ class CancelDeploymentJobRequest(JobReference):
 
 
 class CancelDeploymentJobResponse(Shape):
-    """Response of `CancelDeploymentJob`: empty, the deployment job is cancelled."""
+    """Response of `CancelDeploymentJob`: empty; the deployment job is cancelled, or had ended before."""
 
 
 _DEPLOYMENT_ERRORS: tuple[ErrorClass, ...] = (NOT_FOUND, INVALID, INTERNAL, THROTTLED, LIMIT, CONCURRENT, MISMATCH)

@@ -147,7 +147,7 @@ class Rig(Protocol):
 
     @property
     def wheels(self) -> WheelSlip:
-        """Slip of the robot's wheels."""
+        """Slip of the robot's wheels, which axes set: the share of their turning, below 1, that does not move it."""
         ...
 
     @property

@@ -343,9 +343,10 @@ def _checked(state: State, deployment: Deployment) -> State:
 
 
 def _known(state: State, deployment: Deployment) -> State:
-    """Returns the state after an order whose deployment is not new.
+    """Returns the state after an order whose deployment is not new: the order has ended.
 
-    Such orders may come from an attacker, as they are not signed.
+    It is a success if this very deployment brought the last good version, else a failure. Such orders may come from an
+    attacker, as they are not signed.
     """
     reason = why_refused(deployment, state.number, state.good)
     if reason is None:

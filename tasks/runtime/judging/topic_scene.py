@@ -371,7 +371,7 @@ class Measurements:
 
     @property
     def pose(self) -> Pose | None:
-        """Pose of the robot's base; `None` if the recording does not have it."""
+        """Latest pose of the robot's base as the recording is read, in the frame `_root`; `None`: it has none."""
         return self._chosen[0]
 
     @property

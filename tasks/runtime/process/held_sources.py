@@ -91,7 +91,10 @@ def hold(sources, seed, outside=()):
 
 
 class _Code:
-    """Decides by the path of a source file whether it is code of an application, not of Python or of this package."""
+    """Decides by the path of a source file whether it is code of an application, not of Python or of this package.
+
+    Installed libraries count as the application's.
+    """
 
     def __init__(self, outside):
         self._library = _standard_library()

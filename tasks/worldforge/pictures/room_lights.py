@@ -303,7 +303,7 @@ def _toward(openings: Sequence[Opening]) -> Array:
 
 
 def _passes(opening: Opening, places: Array, ways: Array) -> Flags:
-    """Returns a mask of the ways from places that lead through a window, or just beside it."""
+    """Returns a mask of the rays from places, in directions, that lead through a window or just beside it."""
     slope = ways @ opening.inward
     away = ((opening.start - places) @ opening.inward) / np.where(np.abs(slope) < 1e-6, 1e-6, slope)
     crossing = places + ways * away[:, None] - opening.start

@@ -49,6 +49,29 @@ def test_trials_that_differ_in_an_axis_that_changes_nothing_count_once(made: Cal
     assert evidence_of(made(rows)).rows.tolist() == list(range(12))
 
 
+def test_jobs_whose_trials_are_all_copies_of_another_jobs_count_once(made: Callable[..., Any]) -> None:
+    """An axis of a step, or a seed, that changes nothing made twice the evidence: "too few" became a claim."""
+
+    def row(surface: str, seed: int, load: float) -> dict[str, Any]:
+        axes = {"surface": surface, "load": load}
+        return {"axes": axes, "job": f"{surface} {seed}", "seed": seed, "state_digest": f"{load} {seed % 2}"}
+
+    rows = [row(surface, seed, load) for surface in ("tiles", "ice") for seed in range(4) for load in (1.0, 2.0, 4.0)]
+    evidence = evidence_of(made(rows))
+    assert evidence.rows.tolist() == list(range(6))  # seeds 0 and 1 of the first surface
+    assert (evidence.idle, evidence.twins) == (("surface",), 18)
+    assert [axis.name for axis in evidence.axes] == ["load"]
+    rows[15]["state_digest"] = "ice matters here"
+    evidence = evidence_of(made(rows))
+    assert evidence.rows.tolist() == [*range(6), 15, 16, 17]  # the job as a whole, as its copies are no chance
+    assert evidence.idle == ()
+
+
+def test_jobs_with_trials_without_digests_are_no_copies(made: Callable[..., Any]) -> None:
+    rows = [{"axes": {"load": load}, "job": f"sim-{job}"} for job in range(2) for load in (1.0, 2.0)]
+    assert len(evidence_of(made(rows))) == 4
+
+
 def test_jobs_without_trials_that_went_through_the_same_states_count_once(made: Callable[..., Any]) -> None:
     """Seeds that change nothing make jobs that are all alike, whose digests are not in the table."""
     rows = [{"world": world, "trial": None, "job": f"sim-{seed}", "seed": seed} for seed in range(3) for world in "ab"]

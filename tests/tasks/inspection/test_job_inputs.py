@@ -78,7 +78,7 @@ def test_jobs_that_went_through_the_same_states_are_said_to_be_one_trial(service
     jobs = [swing(TIME_LIMIT_S="1", seed=seed) for seed in (3, 3, 4)]
     steps = [step_of(f"job-{number}", job) for number, job in enumerate(jobs)]
     results = [job.result for job in jobs_of(steps, service)]
-    note = "2 jobs of this run went through the same states: they count as one trial"
+    note = "this and 1 other job of the run went through the same states: they count once"
     assert [result.remarks if result else None for result in results] == [[note], [note], []]
 
 

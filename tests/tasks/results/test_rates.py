@@ -1,7 +1,8 @@
 from typing import Any
 
+import pyarrow as pa
 from helpers.night_records import digest, make_job
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.reports.report import ReportedJob
@@ -31,6 +32,30 @@ def test_a_rate_lies_in_its_interval(passed: int, failed: int, errors: int) -> N
     assert 0 <= share.low <= share.rate <= share.high <= 1
     # What broke says nothing about the robot.
     assert share.model_copy(update={"errors": 0}) == share_of("x", passed, failed)
+
+
+@given(st.integers(0, 300), st.integers(0, 300), st.data())
+def test_copies_widen_the_interval_and_leave_the_rate(passed: int, failed: int, data: st.DataObject) -> None:
+    assume(passed + failed)
+    different = data.draw(st.integers(1, passed + failed))
+    all_of_them, share = share_of("", passed, failed), share_of("", passed, failed, different=different)
+    assert share.copies == passed + failed - different
+    assert None not in (share.low, share.high, all_of_them.low, all_of_them.high)
+    assert share.low <= all_of_them.low + 1e-12 <= share.rate + 1e-12 <= all_of_them.high + 2e-12 <= share.high + 3e-12  # type: ignore[operator]
+
+
+def test_trials_that_went_through_the_same_states_are_copies() -> None:
+    trials = [("a", "passed"), ("a", "passed"), ("b", "failed"), (None, "passed"), (None, "passed"), ("c", "broken")]
+    columns = [{"outcome": outcome, "state_digest": states} for states, outcome in trials]
+    table = pa.Table.from_pylist(columns)
+    results = ResultTable(table.column_names, table.num_rows, table.column)
+    assert of_table("", results).copies == 1
+    assert of_table("", results, errors_fail=True).copies == 1
+    with_copies, without = of_table("", results), share_of("", 3, 1)
+    assert with_copies.rate == 0.8
+    assert without.low is not None
+    assert with_copies.low is not None
+    assert with_copies.low < share_of("", 4, 1).low  # type: ignore[operator]
 
 
 @given(st.integers(1, 300), st.data())

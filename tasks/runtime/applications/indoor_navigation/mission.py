@@ -132,22 +132,18 @@ class Mission(KeepsAttributes):
 
     def _requirements(self, time_s: float, max_force_N: float) -> list[Requirement]:  # noqa: N803
         unseen = [room.name for room, at in zip(self._rooms, self.first_visit_s, strict=True) if at is None]
-        in_time = time_s < self.time_limit_s - 1e-6 or not unseen
+        # Time is no requirement of its own: a job that switches `rooms_visited` off has no rooms to be in time for.
+        late = f"; the time limit of {self.time_limit_s:g} s was reached" if time_s >= self.time_limit_s - 1e-6 else ""
         return [
             Requirement(
                 name="rooms_visited",
                 satisfied=not unseen,
-                detail=f"not visited: {', '.join(unseen)}" if unseen else f"all {len(self._rooms)} rooms visited",
+                detail=f"not visited: {', '.join(unseen)}{late}" if unseen else f"all {len(self._rooms)} rooms visited",
             ),
             Requirement(
                 name=_NO_HARD_COLLISION,
                 satisfied=max_force_N <= HARD_COLLISION_N,
                 detail=f"hardest touch {max_force_N:.1f} N, at most {HARD_COLLISION_N:g} N allowed",
-            ),
-            Requirement(
-                name="within_time_limit",
-                satisfied=in_time,
-                detail=f"ended at {time_s:.1f} s, limit {self.time_limit_s:g} s",
             ),
             Requirement(
                 name="upright",

@@ -280,7 +280,7 @@ class Scout(KeepsAttributes):
     def _set_out(self, pose: Pose, now_s: float) -> bool:
         """Plans a path to the next reachable goal of the tour, and follows it from now on.
 
-        Goals without a path are postponed or given up. Returns whether a goal is left.
+        Goals without a path are postponed or given up. Returns whether a path was found; if not, no goal is left.
         """
         while self._queue:
             self._planner.set_obstacles(self._memory.points(now_s))

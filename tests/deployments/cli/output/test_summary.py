@@ -136,8 +136,17 @@ def test_what_was_cut_short_has_no_verdict_and_long_reasons_are_cut() -> None:
         ["1", "sim-1", "Canceled"],
         ["2", "sim-2", "Failed", "it", "crashed:", "KeyError"],
     ]
-    assert "xxx…xxx" in shown[6]
-    assert len(shown[6]) < 300
+    assert shown[6].endswith("xxx … (cut here; the report has all of it)")
+    assert len(shown[6]) < 600
+
+
+def test_a_long_reason_loses_its_end_after_a_word_and_keeps_what_its_log_says() -> None:
+    """The middle was left out, and with it what to do: `11 would do, which takes 132 trials instead…of 36`."""
+    reason = f"{'too few trials to tell ' * 30}\nLast lines of logs/stderr.log:\nIn file:\nKeyError: 'door'"
+    shown = lines(record(jobs=[JobRecord(label="sim-1", status="Failed", failure_reason=reason)], steps=[]))[4]
+    before, _, after = shown.partition(" …; its log ends with: ")
+    assert before.endswith(("too", "few", "trials", "to", "tell"))
+    assert after == "KeyError: 'door' (cut here; the report has all of it)"
 
 
 def test_a_crash_names_the_joint_however_long_the_words_before_are() -> None:
