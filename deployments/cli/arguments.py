@@ -73,12 +73,16 @@ def given_options(arguments: argparse.Namespace, *names: str) -> list[str]:
 
     Args:
         arguments: Parsed arguments of a command.
-        names: Options with one or several values; those that were not given are left out.
+        names: Options with one or several values, as Python names; those that were not given are left out.
     """
     values = {name: getattr(arguments, name) for name in names}
     several = {name: value if isinstance(value, list) else [value] for name, value in values.items()}
     return [
-        word for name, each in several.items() for one in each if one is not None for word in (f"--{name}", str(one))
+        word
+        for name, each in several.items()
+        for one in each
+        if one is not None
+        for word in (f"--{name.replace('_', '-')}", str(one))
     ]
 
 

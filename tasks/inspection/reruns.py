@@ -64,13 +64,14 @@ class _Order:
     request: Mapping[str, Any]
 
 
-def plan_rerun(record: RunRecord, selection: Selection, service: Service) -> Rerun | None:
+def plan_rerun(record: RunRecord, selection: Selection, service: Service, timeout_s: int | None = None) -> Rerun | None:
     """Makes the specification that repeats selected jobs of an earlier run.
 
     Args:
         record: Record of the earlier run.
         selection: Filter for the run's jobs.
         service: Service with its catalog and object store.
+        timeout_s: Seconds after which each batch is ended; None: those of the earlier run, if it had a limit.
 
     Returns:
         The rerun; `None`: no selected job has failed.
@@ -97,7 +98,9 @@ def plan_rerun(record: RunRecord, selection: Selection, service: Service) -> Rer
         raise ConfigurationError(f"no job of the run {record.run_id} is {selection.words}")
     if not chosen:
         return None
-    steps = {step.name: _step(step, chosen[step.name], service) for step in record.steps if step.name in chosen}
+    steps = {
+        step.name: _step(step, chosen[step.name], service, timeout_s) for step in record.steps if step.name in chosen
+    }
     # The requests have the values; the rerun keeps them, so that records and comparisons show the same ones.
     parameters = {name: {"default": value} for name, value in record.parameters.items()}
     labels = {order.job.label for found in chosen.values() for order in found}
@@ -192,8 +195,10 @@ def _escaped(value: Any) -> Any:
     return [_escaped(inner) for inner in value] if is_list(value) else value
 
 
-def _step(step: StepRecord, orders: Sequence[_Order], service: Service) -> dict[str, Any]:
+def _step(step: StepRecord, orders: Sequence[_Order], service: Service, timeout_s: int | None) -> dict[str, Any]:
     request = orders[0].request if step.operation != _BATCH else _batch_request(step, orders, service)
+    if step.operation == _BATCH and timeout_s is not None:
+        request = {**request, "batchPolicy": {**request.get("batchPolicy", {}), "timeoutInSeconds": timeout_s}}
     return {"operation": step.operation, "input": _escaped(request)}
 
 

@@ -91,6 +91,10 @@ def test_everything_is_ordered_as_it_was(service: Service, batch: tuple[RunRecor
     request = json.loads(rerun.spec_text)["steps"]["drive"]["input"]
     assert (request["batchPolicy"], request["tags"]) == ({"maxConcurrency": 2}, {"night": "1"})
     assert "clientRequestToken" not in request, "which would give the batch that is there"
+    longer = plan_rerun(record, Selection(), service, timeout_s=900)
+    assert longer is not None
+    policy = json.loads(longer.spec_text)["steps"]["drive"]["input"]["batchPolicy"]
+    assert policy == {"maxConcurrency": 2, "timeoutInSeconds": 900}
     assert rerun.rerun_of.earlier == {"drive": [f"{ids[0]}: Completed", f"{ids[1]}: Canceled", "request 3: NotCreated"]}
     assert (rerun.rerun_of.run_id, rerun.rerun_of.selection, rerun.rerun_of.jobs_total) == ("night-1", "all", 3)
 

@@ -32,6 +32,12 @@ def declare(parser: argparse.ArgumentParser) -> None:
         metavar="W",
         help="only jobs in this world: name (`flat 3`), world-3, id; likewise",
     )
+    parser.add_argument(
+        "--timeout-s",
+        type=int,
+        metavar="N",
+        help="seconds after which each batch is ended, instead of the earlier run's timeoutInSeconds",
+    )
     add_backend(parser)
     add_report(parser)
 
@@ -53,7 +59,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from .....tasks.service.service import Service
 
     selection = Selection(arguments.failed, tuple(arguments.job), tuple(arguments.world))
-    rerun = plan_rerun(record, selection, Service.open(settings))
+    rerun = plan_rerun(record, selection, Service.open(settings), arguments.timeout_s)
     if rerun is None:
         sys.stdout.write(f"nothing to run again: no job of the run {record.run_id} is {selection.words}\n")
         return 0
@@ -67,4 +73,4 @@ def execute(arguments: argparse.Namespace) -> int:
 def again(arguments: argparse.Namespace, run_id: str) -> list[str]:
     """Returns the command line that repeats the same rerun, also when another run is the latest."""
     command = ["robomaker", "rerun", run_id, *(["--failed"] if arguments.failed else [])]
-    return command + given_options(arguments, "job", "world", "backend", "report")
+    return command + given_options(arguments, "job", "world", "timeout_s", "backend", "report")

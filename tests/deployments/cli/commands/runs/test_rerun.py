@@ -6,6 +6,8 @@ from typing import Any
 
 import pytest
 
+from prefect_robomaker.deployments.cli.commands.runs.rerun import again
+from prefect_robomaker.deployments.cli.grammar import build_parser
 from prefect_robomaker.schemas.reports.challenge import Challenge
 from prefect_robomaker.schemas.reports.run_record import RunRecord
 
@@ -42,6 +44,13 @@ def test_a_challenge_is_run_anew(robomaker: Any, run_id: str, home: Path) -> Non
         "the run night-1 is a challenge, whose sabotaged jobs say nothing one by one; "
         "`robomaker challenge night.yaml` runs it again\n"
     )
+
+
+def test_the_command_that_runs_it_again_has_all_options() -> None:
+    given = build_parser().parse_args(["rerun", "latest", "--failed", "--world", "flat 3", "--timeout-s", "900"])
+    assert again(given, "night-1") == [
+        "robomaker", "rerun", "night-1", "--failed", "--world", "flat 3", "--timeout-s", "900"
+    ]  # fmt: skip
 
 
 def test_there_has_to_be_such_a_run(robomaker: Any, run_id: str) -> None:
