@@ -50,7 +50,9 @@ class BatchPolicy(Shape):
     timeoutInSeconds: BatchTimeoutInSeconds | None = optional(
         "Time for the whole batch in seconds, 1 to 1209600; absent: 14 days."
     )
-    maxConcurrency: MaxConcurrency | None = optional("Jobs at a time, at least 1.")
+    maxConcurrency: MaxConcurrency | None = optional(
+        "Jobs at a time, at least 1; absent: as many as a machine runs at once, `ROBOMAKER_MAX_JOBS`."
+    )
     priority: BatchPriority | None = optional(
         "Extension: on each machine jobs of batches with a higher one begin first; -100 to 100, absent: 0."
     )
