@@ -167,14 +167,17 @@ def _lines(
     needed: "list[PlannedPairs]",
 ) -> Iterator[str]:
     from .....schemas.specs.parameter_values import set_options
+    from .....schemas.wire.common import counted
     from ...output.forecast import forecast_lines, needed_lines, reuse_lines, reuse_total
-    from ...planning import after, counted
+    from ...planning import after, sum_in_words
 
     yield f"{spec.name}: {counted(len(steps), 'step')}, one after the other\n"
     rows = [(str(number), step.step, step.operation, after(step), step.detail) for number, step in enumerate(steps, 1)]
     for line, step in zip(in_columns(rows), steps, strict=True):
         yield f"  {line}"
         yield from (f"       {line}" for line in reuse_lines(parts.get(step.step, [])))
+    if total := sum_in_words(steps):
+        yield f"\n{total}"
     if arguments.reuse:
         yield f"\n{reuse_total(parts)}"
     if forecast is not None:

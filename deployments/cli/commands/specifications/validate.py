@@ -84,7 +84,7 @@ def _described(spec: "CheckedSpec") -> dict[str, Any]:
 
 def _in_a_line(answer: dict[str, Any]) -> str:
     """Describes a file without problems: `valid, 3 steps, 12 simulation jobs; each run needs --set for arm`."""
-    from ...planning import counted
+    from .....schemas.wire.common import counted
 
     jobs, missing = answer.get("jobs_of_axes"), answer.get("missing_parameters")
     made = f", {counted(jobs, 'simulation job')}" if jobs is not None else ""

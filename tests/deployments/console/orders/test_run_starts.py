@@ -251,7 +251,10 @@ def test_a_run_is_ordered_with_the_values_of_the_form(enter: Enter, runs: Any) -
     [
         ({}, "has neither a value nor a default"),
         ({"parameter.arm": "c"}, "the value given is &#39;c&#39;; it has to be a or b"),
-        ({"parameter.arm": "a", "parameter.worlds": "0"}, "the value given is &#39;0&#39;; it has to be at least 1"),
+        (
+            {"parameter.arm": "a", "parameter.worlds": "0"},
+            "the value given is &#39;0&#39;; it has to be a whole number, at least 1",
+        ),
     ],
 )
 def test_nothing_is_ordered_with_wrong_values(enter: Enter, runs: Any, fields: dict[str, str], problem: str) -> None:

@@ -100,6 +100,38 @@ def test_a_plan_shows_order_and_amounts(robomaker) -> None:
     )
 
 
+TRIALS = """\
+version: 1
+name: trials
+steps:
+  drive:
+    operation: StartSimulationJobBatch
+    input:
+      createSimulationJobRequests:
+        seeds: 3
+        value:
+          maxJobDurationInSeconds: 60
+          robotApplications: [{application: scout, launchConfig: {}}]
+          simulationApplications:
+            - application: indoor-navigation
+              launchConfig: {environmentVariables: {ROBOMAKER_SIM_TIME_LIMIT_S: "20"}}
+          trials: {seeds: 2, axes: {noise: {kind: lidar_noise_std_m, values: [0.01, 0.02]}}}
+"""
+
+
+def test_a_plan_says_how_many_trials_each_job_has_and_all_together(robomaker, spec) -> None:
+    told = robomaker("plan", spec(TRIALS)).out
+    assert "3 simulation jobs, one for each seed, 4 trials each, at most 1 min each" in told
+    assert "\nin sum 3 simulation jobs × 4 trials = 12 trials, at most 4 min of simulated time\n" in told
+
+    # A limit that a trial varies, or that another simulation may ignore, is not known; jobs without trials have one.
+    varied = TRIALS.replace("axes: {", 'axes: {ROBOMAKER_SIM_TIME_LIMIT_S: {kind: variable, values: ["9", "99"]}, ')
+    assert "× 8 trials = 24 trials\n" in robomaker("plan", spec(varied)).out
+    assert "= 12 trials\n" in robomaker("plan", spec(TRIALS.replace("indoor-navigation", "arena"))).out
+    single = TRIALS.replace(TRIALS.splitlines()[-1], "")
+    assert "in sum 3 simulation jobs, 3 trials, at most 1 min of simulated time" in robomaker("plan", spec(single)).out
+
+
 def test_a_plan_as_json(robomaker) -> None:
     document = json.loads(robomaker("plan", SPECS / "nightly.yaml", "-o", "json").out)
     by_name = {step["step"]: step for step in document["steps"]}
