@@ -67,7 +67,7 @@ def given_parameters(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def read_spec(path: str, parameters: Mapping[str, Any] | None = None, *, is_complete: bool = True) -> CheckedSpec:
-    """Reads and checks a specification file.
+    """Reads and checks a specification file; worlds that it names are found in the catalog.
 
     Args:
         path: A file; or `quickstart` or `nightly`, if there is no such file: they come with this package.
@@ -80,7 +80,18 @@ def read_spec(path: str, parameters: Mapping[str, Any] | None = None, *, is_comp
     """
     shipped = SHIPPED / f"{path}.yaml"
     is_shipped = "." not in path and "/" not in path and not Path(path).exists() and shipped.is_file()
-    return checked(read_text(str(shipped) if is_shipped else path), path, parameters, is_complete=is_complete)
+    text = read_text(str(shipped) if is_shipped else path)
+    return _with_worlds_found(checked(text, path, parameters, is_complete=is_complete))
+
+
+def _with_worlds_found(spec: CheckedSpec) -> CheckedSpec:
+    """Puts ARNs in place of the names of worlds; opens the catalog only if there is any, since that takes a while."""
+    if not any(step.worlds for step in spec.steps.values()):
+        return spec
+    from ....tasks.service.world_names import with_worlds_found
+    from .options import open_service
+
+    return with_worlds_found(spec, open_service())
 
 
 def read_request(given: str, operation: str) -> dict[str, Any]:
@@ -97,7 +108,7 @@ def read_request(given: str, operation: str) -> dict[str, Any]:
     from ....schemas.specs.resolving import resolve_input
 
     text, name = _text(given)
-    checked = load_request(text, name, operation)
+    checked = _with_worlds_found(load_request(text, name, operation))
     return resolve_input(checked.steps[checked.order[0]], {})
 
 

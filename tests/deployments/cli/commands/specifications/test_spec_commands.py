@@ -6,6 +6,10 @@ from pathlib import Path
 import pytest
 from helpers.paths import REPOSITORY
 
+from prefect_robomaker.schemas.reports.names import name_label
+from prefect_robomaker.tasks.catalog import Resource
+from prefect_robomaker.tasks.service.service import Service
+
 SPECS = REPOSITORY / "deployments" / "specs"
 WRONG = "version: 1\nname: wrong\nsteps:\n  first: {operation: DescribeWorld, input: {wrld: 'arn:1'}}\n"
 
@@ -305,3 +309,27 @@ steps:
     assert ended.code == 2
     assert "steps.stop.input: CancelSimulationJob changes what is there already" in ended.err
     assert not home.exists()
+
+
+NAMED = "version: 1\nname: named\nsteps:\n  look: {operation: DescribeWorld, input: {world: flat 2}}\n"
+
+
+def test_worlds_may_be_named_as_the_command_line_names_them(robomaker, spec, service: Service) -> None:
+    for number in (1, 2):
+        world_id = f"generation-82856b0yq33y/world-{number}"
+        labels = name_label(f"flat {number}")
+        document = {"templateName": "flat", "bundle": {"bucket": "b", "prefix": f"worlds/{number}"}}
+        world = Resource.new(
+            arn=service.arn("world", world_id), kind="world", id=world_id, labels=labels, document=document
+        )
+        service.catalog.create(world, token=None)
+    for name in ("flat 2", "generation-82856b0yq33y/world-2", "8285/world-2"):
+        assert robomaker("validate", spec(NAMED.replace("flat 2", name))).code == 0
+        assert robomaker("plan", spec(NAMED.replace("flat 2", name))).code == 0
+    for command in ("validate", "plan"):
+        path = spec(NAMED.replace("flat 2", "flat 3"))
+        told = robomaker(command, path)
+        assert told.code == 2
+        assert f"{path}:4:51: steps.look.input.world: 'flat 3' is neither ARN" in told.err
+        assert "did you mean 'flat 2' or 'flat 1'?" in told.err
+    assert "may be any of 2 worlds" in robomaker("validate", spec(NAMED.replace("flat 2", "generation-8285"))).err
