@@ -1,17 +1,21 @@
 """Reads files that the user names: specifications, and requests of operations."""
 
 import argparse
+import os
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ....schemas.operations.registry import OPERATIONS
+from ....schemas.settings import Settings
 from ....schemas.specs.parameters import AsText
 from ....schemas.specs.specification import CheckedSpec
 from ....schemas.specs.yaml_nodes import MappingNode, parse
 from ....schemas.wire.errors import ConfigurationError, Place, Problem, SpecError
 from ...spec_runs.visitor_specifications import SHIPPED, checked
+from .named_code import check_code
 
 
 class InputFileError(ConfigurationError):
@@ -66,13 +70,16 @@ def given_parameters(arguments: argparse.Namespace) -> dict[str, Any]:
     return given
 
 
-def read_spec(path: str, parameters: Mapping[str, Any] | None = None, *, is_complete: bool = True) -> CheckedSpec:
+def read_spec(
+    path: str, parameters: Mapping[str, Any] | None = None, *, is_complete: bool = True, with_code: bool = False
+) -> CheckedSpec:
     """Reads and checks a specification file; worlds that it names are found in the catalog.
 
     Args:
         path: A file; or `quickstart` or `nightly`, if there is no such file: they come with this package.
         parameters: Values of its parameters; see `given_parameters`.
         is_complete: Whether each parameter has to have a value, as for a run.
+        with_code: Whether to look at the code that the specification points at, too.
 
     Raises:
         InputFileError: The file cannot be opened.
@@ -81,7 +88,18 @@ def read_spec(path: str, parameters: Mapping[str, Any] | None = None, *, is_comp
     shipped = SHIPPED / f"{path}.yaml"
     is_shipped = "." not in path and "/" not in path and not Path(path).exists() and shipped.is_file()
     text = read_text(str(shipped) if is_shipped else path)
-    return _with_worlds_found(checked(text, path, parameters, is_complete=is_complete))
+    spec = checked(text, path, parameters, is_complete=is_complete)
+    if not with_code:
+        return _with_worlds_found(spec)
+    code = check_code(spec, Settings.from_environment(os.environ))
+    spec = replace(spec, notes=(*spec.notes, *code.notes))
+    try:
+        spec = _with_worlds_found(spec)
+    except SpecError as error:
+        code.problems.extend(error.problems)
+    if code.problems:
+        raise SpecError(sorted(code.problems, key=lambda each: (each.place.line, each.place.column)), spec.notes)
+    return spec
 
 
 def _with_worlds_found(spec: CheckedSpec) -> CheckedSpec:

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Literal
 from .....schemas.wire.errors import ConfigurationError
 from ...arguments import add_backend, add_output, add_parameters, add_spec, given_options
 from ...inputs.options import open_service, percentage
-from ...output.answers import in_columns, print_either
+from ...output.answers import in_columns, print_either, print_notes
 
 if TYPE_CHECKING:
     from .....schemas.reports.comparison import PlannedPairs
@@ -72,7 +72,8 @@ def execute(arguments: argparse.Namespace) -> int:
 
     _check(arguments)
     asked = _questions(arguments)
-    spec = read_spec(arguments.spec, given_parameters(arguments))
+    spec = read_spec(arguments.spec, given_parameters(arguments), with_code=True)
+    print_notes(spec.notes)
     steps = planned(spec)
     parts = _reuse(spec) if arguments.reuse else {}
     forecast = _forecast(spec, arguments) if arguments.probe else None
