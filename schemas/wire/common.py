@@ -85,9 +85,15 @@ def without_escapes(text: str) -> str:
     return _ESCAPE_SEQUENCE.sub("", text)
 
 
-def counted(count: int, noun: str) -> str:
-    """Returns a number with its noun, as `1 trial` or `2 trials`."""
-    return f"{count} {noun}{'' if count == 1 else 's'}"
+def counted(count: int, noun: str, form: str = "") -> str:
+    """Returns a number with its noun, as `1 trial` or `2 trials`.
+
+    Args:
+        count: The number.
+        noun: Word for one of them, whose plural ends with an s.
+        form: Format of the number; `,` puts commas between thousands.
+    """
+    return f"{count:{form}} {noun}{'' if count == 1 else 's'}"
 
 
 def shorten(reason: str, limit: int = 1024) -> str:
