@@ -185,7 +185,7 @@ def test_a_worker_runs_it_with_the_values_of_the_order(
     order(client, made, side="a", worlds=4, text=narrower(path))
 
     log = tmp_path / "worker.log"
-    problem = "parameters.worlds: the value given is 4; it may be at most 3"
+    problem = "parameters.worlds: the value given is 4; it has to be a whole number from 1 to 3"
     with process_worker(pool, environ, log):
         runs = ended_runs(client, made, 3)
         # The process of a run sends its last lines after the run has ended, and dies with its worker.
