@@ -63,6 +63,7 @@ from ..tasks.notifications.notices import LongWaits
 from ..tasks.operations.step_operations import existing_resource, step_registry
 from ..tasks.service.catalog_wait import once_catalog_answers
 from ..tasks.service.service import Progress, Service
+from ..tasks.service.world_names import with_worlds_found
 from .lookup import perform, without_heartbeat
 from .operation_flow import LightFlow
 
@@ -174,7 +175,7 @@ class PipelineRun:
 
     def __init__(self, wanted: WantedRun, service: Service, listener: ProgressListener) -> None:
         self._wanted = wanted
-        self._checked = checked = wanted.checked
+        self._checked = checked = with_worlds_found(wanted.checked, service)
         self._listener = listener
         self._open = open_run = wanted.open_run
         order = open_run.order if open_run is not None else None
@@ -225,6 +226,7 @@ class PipelineRun:
         checked = load_spec(text, origin, parameters)
         patience_s = 60.0 * Settings.from_environment(os.environ).store_patience_min
         service = once_catalog_answers(Service.current, patience_s=patience_s)
+        checked = with_worlds_found(checked, service)
         remove_left(service)
         check_world_counts(checked, service.settings.max_worlds_per_job)
         check_preconditions(checked, service.patient(checked.name, lambda: False))

@@ -53,3 +53,38 @@ def test_docstrings_and_descriptions_begin_as_sentences_or_nouns() -> None:
         for each in FRAGMENT.finditer(path.read_text())
     ]
     assert found == []
+
+
+PLURAL = re.compile(r"\}\}? (?:more )?(?:jobs|trials|worlds|robots)\b")
+"""A count and a fixed plural, `{count} jobs`: of one there would be `1 jobs`, so `counted` has to make the words."""
+NEVER_ONE = (
+    "all {jobs} jobs take",
+    "all {self.rows} trials went",
+    "all {count} trials",
+    "{count} jobs of this run went",
+    "{fewest_pairs(asked.alpha)} trials at least",
+    "runs of {fixed} trials",
+    "{successes} successes of {trials} trials",
+    "{FEWEST_WORLDS} worlds",
+    "{count} worlds would be made",
+    "are {total} worlds",
+    "{len(names)} worlds",
+    "{count} of {total} jobs",
+    "all {total} jobs",
+)
+"""Counts that are above one wherever these are said."""
+
+
+def test_one_of_something_is_no_plural() -> None:
+    found = [
+        f"{path.relative_to(REPOSITORY)}:{number}: {line.strip()}"
+        for folder in ("deployments", "flows", "schemas", "tasks")
+        for pattern in ("*.py", "*.j2")
+        for path in (REPOSITORY / folder).rglob(pattern)
+        for text in [path.read_text()]
+        if PLURAL.search(text)
+        for number, line in enumerate(text.splitlines(), 1)
+        if PLURAL.search(line) and "== 1" not in line and not any(each in line for each in NEVER_ONE)
+    ]
+
+    assert found == []

@@ -1,11 +1,13 @@
 """Plan of a specification before it runs: order of steps, numbers of worlds, jobs and trials, time limits."""
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ...schemas.runs.trials import planned_trials
+from ...schemas.runs.variables import TIME_LIMIT_VARIABLE, number_in
 from ...schemas.specs.references import ReferenceMistake, parse_template
 from ...schemas.specs.resolving import written_cells
 from ...schemas.specs.specification import (
@@ -20,6 +22,7 @@ from ...schemas.specs.specification import (
 )
 from ...schemas.specs.step_axes import AXES
 from ...schemas.specs.yaml_nodes import ListNode, MappingNode, Node, ScalarNode, child, plain
+from ...schemas.wire.common import counted
 from ...schemas.wire.errors import SpecError
 from .output.answers import duration
 
@@ -51,6 +54,9 @@ class PlannedStep:
 
     trials: int | None = None
     """Number of trials of all its jobs, if the file says it; a job without trials counts as one."""
+
+    simulated_s: float | None = None
+    """Simulated time that all trials together take at most, in seconds, if the file limits that of each."""
 
     concurrency: int | None = None
     job_limit_s: int | None = None
@@ -130,13 +136,14 @@ def _planned_step(step: CheckedStep, outputs: dict[str, dict[str, Any]]) -> Plan
             return PlannedStep(step.name, step.operation, needs, worlds=made, detail=detail)
     if step.operation == "CreateSimulationJob":
         limits = _limits([step.input])
-        detail = f"1 simulation job{_limit(limits)}"
+        detail = f"1 simulation job{_trials_each([step.input])}{_limit(limits)}"
         return PlannedStep(
             step.name,
             step.operation,
             needs,
             jobs=1,
             trials=_trials(step.input),
+            simulated_s=_simulated_s([step.input]),
             job_limit_s=max(limits, default=None),
             detail=detail,
         )
@@ -152,10 +159,11 @@ def _planned_step(step: CheckedStep, outputs: dict[str, dict[str, Any]]) -> Plan
             needs,
             jobs=jobs,
             trials=_trials_of_all(requests, jobs),
+            simulated_s=_simulated_s(_written(requests), jobs if made_list_of(requests) is not None else 1),
             concurrency=concurrency,
             job_limit_s=max(limits, default=None),
             timeout_s=timeout_s,
-            detail=f"{what}{together}{_limit(limits)}{all_of_it}",
+            detail=f"{what}{_trials_each(_written(requests))}{together}{_limit(limits)}{all_of_it}",
         )
     return PlannedStep(step.name, step.operation, needs)
 
@@ -178,6 +186,71 @@ def _trials_of_all(requests: Node, jobs: int | None) -> int | None:
     if made_list_of(requests) is None:
         return sum(map(_trials, written)) or None
     return None if jobs is None else jobs * _trials(written[0])
+
+
+def _trials_each(requests: Sequence[Node]) -> str:
+    """Says how many trials each of some jobs has, as `, 16 trials each`; empty if all are a single episode."""
+    counts = [_trials(request) for request in requests]
+    if max(counts, default=1) == 1:
+        return ""
+    fewest = f"{min(counts)} to " if min(counts) < max(counts) else ""
+    return f", {fewest}{counted(max(counts), 'trial')} each"
+
+
+def _simulated_s(requests: Sequence[Node], jobs: int | None = 1) -> float | None:
+    """Returns the simulated time that all trials of some requests take at most; `None` if a trial has no known limit.
+
+    Args:
+        requests: Requests as they are written.
+        jobs: Jobs that each request makes.
+    """
+    limits_s = [_simulated_limit_s(request) for request in requests]
+    if not limits_s or jobs is None or any(limit_s is None for limit_s in limits_s):
+        return None
+    return sum(jobs * _trials(request) * (limit_s or 0) for request, limit_s in zip(requests, limits_s, strict=True))
+
+
+def _simulated_limit_s(request: Node) -> float | None:
+    """Returns the simulated time, in seconds, at which `indoor-navigation` ends a trial, if the request says it."""
+    written = plain(request)
+    applications = written.get("simulationApplications") if isinstance(written, Mapping) else None
+    if not isinstance(applications, list) or len(applications) != 1 or not isinstance(applications[0], Mapping):
+        return None
+    variables = (applications[0].get("launchConfig") or {}).get("environmentVariables")
+    said = variables.get(TIME_LIMIT_VARIABLE) if isinstance(variables, Mapping) else None
+    varied = (written.get("trials") or {}).get("axes") or {}
+    if applications[0].get("application") != "indoor-navigation" or not isinstance(said, str):
+        return None
+    limit_s = number_in(said)
+    return limit_s if math.isfinite(limit_s) and limit_s > 0 and TIME_LIMIT_VARIABLE not in varied else None
+
+
+def sum_in_words(steps: Sequence[PlannedStep]) -> str:
+    """Says how many jobs and trials all steps of a plan have: `in sum 16 simulation jobs × 4 trials = 64 trials`.
+
+    Args:
+        steps: The steps of a specification.
+
+    Returns:
+        Text, also with the simulated time that they take at most, where the file limits it; empty if no step runs
+        jobs, or if only the run can tell how many.
+    """
+    driven = [step for step in steps if step.operation in DRIVES]
+    if not driven or any(step.jobs is None or step.trials is None for step in driven):
+        return ""
+    jobs, trials = (sum(getattr(step, key) or 0 for step in driven) for key in ("jobs", "trials"))
+    each = {(step.trials or 0) / (step.jobs or 1) for step in driven}
+    per_job = each.pop() if len(each) == 1 else 0.0
+    is_equal = per_job > 1 and per_job.is_integer()
+    amount = (
+        f" × {counted(int(per_job), 'trial')} = {counted(trials, 'trial')}"
+        if is_equal
+        else f", {counted(trials, 'trial')}"
+    )
+    limits_s = [step.simulated_s for step in driven]
+    known_s = [limit_s for limit_s in limits_s if limit_s is not None]
+    time = f", at most {duration(math.fsum(known_s))} of simulated time" if len(known_s) == len(driven) else ""
+    return f"in sum {counted(jobs, 'simulation job')}{amount}{time}"
 
 
 def _worlds(step: CheckedStep, jobs: int) -> set[str]:
@@ -284,11 +357,6 @@ def _limit(limits_s: Sequence[int]) -> str:
         return ""
     shortest = f"{duration(min(limits_s))} to " if min(limits_s) < max(limits_s) else ""
     return f", at most {shortest}{duration(max(limits_s))} each"
-
-
-def counted(count: int, noun: str) -> str:
-    """Formats a count with its noun: `1 world`, `3 worlds`."""
-    return f"{count} {noun}{'s' if count != 1 else ''}"
 
 
 def after(step: PlannedStep) -> str:

@@ -10,7 +10,6 @@ from urllib.parse import quote
 
 import jinja2
 
-from ...schemas.runs.axes import tag_in_words
 from ...schemas.wings import parts_of_wings
 from ...tasks.reporting import outcomes, page_environment, page_script, page_styles
 
@@ -86,6 +85,6 @@ def _environment() -> jinja2.Environment:
     folders = (folder for part in _OF_WINGS for folder in part.TEMPLATES)
     environment = page_environment(_FOLDER / "templates", *folders)
     environment.auto_reload = False  # or each part of a page is looked for on the disk, each time
-    environment.filters.update(ago=ago, size=outcomes.size, tag=tag_in_words)
+    environment.filters.update(ago=ago, size=outcomes.size)
     environment.globals.update(HOME=HOME, MENU=MENU, address=address, asset_address=asset_address)
     return environment

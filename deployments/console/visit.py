@@ -9,8 +9,10 @@ from typing import Any
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, Response
 
+from ...schemas.runs.axes import AXIS_TAG, tag_in_words
 from ...schemas.wire.errors import InternalServerException, ResourceNotFoundException
 from ...tasks.catalog import Page, Resource
+from ...tasks.service.references import names_of_worlds
 from ...tasks.service.service import Service
 from ..endpoint.calling.access_keys import AccessKey
 from ..endpoint.calling.audit_log import Call
@@ -56,6 +58,9 @@ class Visit:
     form: Mapping[str, str] = field(default_factory=dict)
     """Fields of the web form that the visitor submitted."""
 
+    _worlds: dict[str, str] = field(default_factory=dict[str, str])
+    """Names of worlds that tags of the page say, by ARN."""
+
     @property
     def service(self) -> Service:
         """RoboMaker service whose resources (jobs, worlds, ...) the web console shows to the visitor."""
@@ -70,6 +75,17 @@ class Visit:
     def address(self) -> str | None:
         """Network address of the visitor; `None` if unknown."""
         return self.request.client.host if self.request.client else None
+
+    def tag_in_words(self, name: str, value: str) -> str:
+        """Formats a tag for people; an axis whose value is a world has that world's name and its id."""
+        if not name.startswith(AXIS_TAG) or ":world/" not in value:
+            return tag_in_words(name, value)
+        if value not in self._worlds:
+            # The one world is asked for by each tag of a page; one that is deleted has its id only.
+            world_id = value.rpartition(":world/")[2]
+            found = names_of_worlds([value], self.service).get(value, world_id)
+            self._worlds[value] = found if found == world_id else f"{found} ({world_id})"
+        return tag_in_words(name, self._worlds[value])
 
     @property
     def form_token(self) -> str:

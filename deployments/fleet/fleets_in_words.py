@@ -13,6 +13,7 @@ from rich.text import Text
 from ...schemas.fleet.rollouts.rollout import RobotDeploymentState, Rollout
 from ...schemas.fleet.rollouts.standings import DeploymentStanding, FleetStanding, OrderStanding, RobotStanding
 from ...schemas.wire.arns import ResourceArn
+from ...schemas.wire.common import counted
 from ...tasks.fleet.rollout.statuses import in_words, robot_status
 from ...tasks.fleet.views.fleet_standings import Look, deployment_standing
 from ...tasks.fleet.views.rollout_tables import notes_of
@@ -50,7 +51,7 @@ def print_fleets(fleets: Sequence[FleetStanding], stream: TextIO, *, everything:
                 console.print(_table(shown, now))
                 console.print(*_failures(shown), sep="", end="")
                 if hidden := len(fleet.robots) - len(shown):
-                    console.print(Text(f"… and {hidden:,} more robots: --all shows them", style="dim"))
+                    console.print(Text(f"… and {counted(hidden, 'more robot', ',')}: --all shows them", style="dim"))
     stream.write("".join(f"{line.rstrip()}\n" for line in printed.get().splitlines()))
 
 
@@ -217,7 +218,11 @@ def changes(before: Look | None, after: Look) -> list[str]:
         fleet = ResourceArn.parse(str(after.job.parent)).name
         lines.append(f"{standing.application} {standing.version} to {fleet}: {standing.job.rpartition('/')[2]}")
     if before is None or (before.job.status != after.job.status and not after.has_ended):
-        begun = f", {standing.robots:,} robots in {standing.waves} waves" if standing.waves is not None else ""
+        begun = (
+            f", {counted(standing.robots, 'robot', ',')} in {counted(standing.waves, 'wave')}"
+            if standing.waves is not None
+            else ""
+        )
         lines.append(f"{standing.status}{begun}")
     if after.rollout is not None:
         lines += _of_robots(before, after, after.rollout)
@@ -266,7 +271,8 @@ def _of_robots(before: Look | None, after: Look, rollout: Rollout) -> list[str]:
             lines.append(f"{ResourceArn.parse(robot).name}{wave}: {said}")
     if len(lines) <= MOST_LINES:
         return lines
-    return [f"{len(lines):,} robots changed: {counts_text(deployment_standing(after.job, rollout, after.at_s))}"]
+    counts = counts_text(deployment_standing(after.job, rollout, after.at_s))
+    return [f"{counted(len(lines), 'robot', ',')} changed: {counts}"]
 
 
 def robot_line(state: RobotDeploymentState, *, active: bool) -> str | None:

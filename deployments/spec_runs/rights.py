@@ -38,6 +38,9 @@ def problems_of_rights(key: AccessKey | None, spec: CheckedSpec, catalog: Catalo
         try:
             check_scope(key, step.operation)
             if key.is_confined:
+                if step.worlds:  # a name that is near is none of its business, and would be told
+                    name = step.worlds[0].name
+                    raise AccessDeniedException(f"this access key may name worlds by ARNs only, and {name!r} is none")
                 _check_written(key, step, made, catalog)
         except AccessDeniedException as error:
             problems.append(Problem(step.place, f"steps.{step.name}", str(error)))

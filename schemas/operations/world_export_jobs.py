@@ -8,7 +8,6 @@ from ..wire.base import Shape, ShapeName, optional
 from ..wire.common import (
     AnsweredArns,
     Arn,
-    Arns,
     ClientRequestToken,
     Filters,
     GenericString,
@@ -18,6 +17,7 @@ from ..wire.common import (
     PageRequest,
     PaginationToken,
     Timestamp,
+    WorldArns,
 )
 from ..wire.operation_shape import CREATE_EXPORT_ERRORS, LIST_ERRORS, READ_ERRORS, OperationShape
 from ..wire.tags import TagMap
@@ -39,7 +39,7 @@ class CreateWorldExportJobRequest(Shape):
     clientRequestToken: ClientRequestToken | None = optional(
         "Makes the call repeatable: the same token and request give the same job."
     )
-    worlds: Arns = Field(description="ARNs of the worlds that go into the archive, 1 to 100.")
+    worlds: WorldArns = Field(description="ARNs of the worlds that go into the archive, 1 to 100.")
     outputLocation: OutputLocation = Field(description="Location of the archive.")
     iamRole: IamRole = Field(description="ARN of the role whose rights the job uses to write.")
     tags: TagMap | None = optional("Tags for the job.")

@@ -5,7 +5,17 @@ from typing import Annotated
 from pydantic import Field
 
 from ..wire.base import Shape, ShapeName, optional
-from ..wire.common import AnsweredArns, Arn, Arns, Filters, Json, PageRequest, PaginationToken, Timestamp
+from ..wire.common import (
+    AnsweredArns,
+    Arn,
+    Filters,
+    Json,
+    PageRequest,
+    PaginationToken,
+    Timestamp,
+    WorldArn,
+    WorldArns,
+)
 from ..wire.operation_shape import LIST_ERRORS, READ_ERRORS, OperationShape
 from ..wire.tags import TagMap
 
@@ -13,7 +23,7 @@ from ..wire.tags import TagMap
 class DescribeWorldRequest(Shape):
     """Request of `DescribeWorld`: names the simulation world to describe."""
 
-    world: Arn = Field(description="ARN of the world.")
+    world: WorldArn = Field(description="ARN of the world.")
 
 
 class DescribeWorldResponse(Shape):
@@ -60,7 +70,7 @@ class ListWorldsResponse(Shape):
 class BatchDeleteWorldsRequest(Shape):
     """Request of `BatchDeleteWorlds`: names the worlds to delete."""
 
-    worlds: Arns = Field(description="ARNs of the worlds, 1 to 100.")
+    worlds: WorldArns = Field(description="ARNs of the worlds, 1 to 100.")
 
 
 class BatchDeleteWorldsResponse(Shape):

@@ -11,6 +11,9 @@ from .plan import ApplicationPlan, RunPlan
 from .programs import ProgramPlan
 from .trials import TRIALS_VARIABLE, Trials
 
+TIME_LIMIT_VARIABLE = "ROBOMAKER_SIM_TIME_LIMIT_S"
+"""Name of the launch variable with the simulated seconds after which `indoor-navigation` ends a run."""
+
 HIDDEN = "(secret)"
 """Text that replaces a secret; followed by a number if different values have to stay distinguishable."""
 

@@ -37,6 +37,7 @@ from .specification import (
     CheckedSpec,
     CheckedStep,
     IfExists,
+    NamedWorld,
     Spec,
     is_step_name,
     output_model,
@@ -320,11 +321,12 @@ class _Check:
         shown = self._shown((*location, "input"))
         request = node.entries.get("input", MappingNode(place, {}, {}))
         parameters: Mapping[str, ParameterValue] = {}
+        worlds: tuple[NamedWorld, ...] = ()
         if isinstance(request, MappingNode):
             known = {} if self._parameters is None else {PARAMETERS: self._parameters}
             check = InputCheck(operation, request, {**scope, **known}, shown, place).run()
             self._problems.extend(check.problems)
-            request = check.node
+            request, worlds = check.node, tuple(check.worlds)
             needs |= check.names & scope.keys()
             parameters = self._settled.values if PARAMETERS in check.names else {}
         return CheckedStep(
@@ -335,6 +337,7 @@ class _Check:
             if_exists=if_exists,
             location=shown,
             place=place,
+            worlds=worlds,
             parameters=parameters,
         )
 

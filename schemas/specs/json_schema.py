@@ -12,7 +12,9 @@ from pydantic.json_schema import models_json_schema
 
 from ..operations.registry import STEPS
 from ..templates.body import WorldTemplateBody
+from ..wire.job_configs import WorldConfig
 from ..wire.json_values import is_object
+from .checking.placeholders import inner, names_world
 from .parameters import Parameter
 from .specification import FOR_EACH, IF_EXISTS, Spec, Step
 from .step_axes import AXES, SEEDS, VALUE, StepAxes, StepAxis
@@ -21,6 +23,11 @@ SCHEMA_FILE = Path(__file__).with_name("pipeline.schema.json")
 
 _REF = "#/$defs/{model}"
 _REFERENCE = {"$ref": "#/$defs/Reference"}
+_WORLD_NAMES = {
+    True: "World: its name, its id or the beginning of that, or its ARN.",
+    False: "Worlds: their names, their ids or the beginnings of those, or their ARNs.",
+}
+"""Descriptions of members that name a world, or several (False)."""
 _DEFINITIONS: dict[str, Any] = {
     "Reference": {
         "type": "string",
@@ -40,6 +47,7 @@ def spec_schema() -> dict[str, Any]:
         name: schema if name in own else _with_references(schema) for name, schema in document["$defs"].items()
     }
     definitions |= _DEFINITIONS
+    _allow_names_of_worlds(definitions)
     _allow_body(definitions)
     axis = definitions[StepAxis.__name__]["properties"]
     definitions[StepAxis.__name__]["properties"] = {name: _written_out(each) for name, each in axis.items()}
@@ -164,6 +172,24 @@ def _written_out(schema: dict[str, Any]) -> dict[str, Any]:
     """Returns the JSON schema of a member of axes without the form `forEach`."""
     forms = [each for each in schema["anyOf"] if FOR_EACH not in each.get("properties", {})]
     return {**schema, "anyOf": forms}
+
+
+def _allow_names_of_worlds(definitions: dict[str, Any]) -> None:
+    """Changes definitions of a JSON schema: what has to be the ARN of a world on the wire may be its name."""
+    for model in (WorldConfig, *(operation.request for operation in STEPS.values())):
+        for name, field in model.model_fields.items():
+            annotation = field.rebuild_annotation()
+            if names_world(annotation) or names_world(inner(annotation, 0)):
+                member = definitions[model.__name__]["properties"][name]
+                _remove_patterns(member)
+                member["description"] = _WORLD_NAMES[names_world(annotation)]
+
+
+def _remove_patterns(schema: dict[str, Any]) -> None:
+    """Removes the patterns of texts from a member's JSON schema, except from that of references."""
+    schema.pop("pattern", None)
+    for each in (*schema.get("anyOf", ()), *filter(None, [schema.get("items")])):
+        _remove_patterns(each)
 
 
 def _allow_body(definitions: dict[str, Any]) -> None:

@@ -226,10 +226,9 @@ def settle(
 
 
 def why_wrong(value: Any, declared: Parameter) -> str:
-    """Describes why a value is not allowed for a parameter: `is 200; it may be at most 100`; empty if it is allowed."""
-    if wanted := _wanted(value, declared):
-        return f"is {_shown(value)}{wanted if wanted.startswith(';') else f'; {wanted}'}"
-    return ""
+    """Describes why a value is not allowed, as `is 3; it has to be true or false`; empty if it is allowed."""
+    wanted = _wanted(value, declared)
+    return f"is {_shown(value)}; {wanted}" if wanted else ""
 
 
 def kind_of_parameters(declared: Mapping[str, Parameter], others: Mapping[str, Kind] | None = None) -> Record:
@@ -273,31 +272,38 @@ def _read(text: str, kind: ValueType) -> ParameterValue:
 
 
 def _wanted(value: Any, declared: Parameter) -> str:
-    """Describes which values would be allowed, as `it has to be true or false`; empty if the value is allowed."""
+    """Describes all values that would be allowed, as `it has to be true or false`; empty if the value is allowed."""
     kind = declared.value_type
     if not _is_of_type(value, kind):
         is_other = kind == "string" and isinstance(value, int | float)
         hint = f'; put it in quotes: "{value_in_words(value)}"' if is_other else ""
-        return f"it has to be {_WANTED[kind]}{hint}"
+        return f"it has to be {_allowed(declared)}{hint}"
     if isinstance(value, str) and len(value) > MAX_CHARACTERS:
         return f"its length may be at most {MAX_CHARACTERS}"
     if isinstance(value, str) and "\0" in value:
         return "it may not hold the character U+0000"
     if declared.enum is not None and value not in declared.enum:
-        choices = declared.choices
-        return nearest(value, choices) if isinstance(value, str) and nearest(value, choices) else _one_of(choices)
+        hint = nearest(value, declared.choices) if isinstance(value, str) else ""
+        return f"it has to be {_allowed(declared)}{hint}"
     if isinstance(value, str):
         fits = declared.pattern is None or _matches(value, declared.pattern)
-        return "" if fits else f"it has to match {declared.pattern}"
-    if declared.minimum is not None and value < declared.minimum:
-        return f"it has to be at least {declared.minimum}"
-    if declared.maximum is not None and value > declared.maximum:
-        return f"it may be at most {declared.maximum}"
-    return ""
+    else:
+        is_low = declared.minimum is not None and value < declared.minimum
+        fits = not is_low and (declared.maximum is None or value <= declared.maximum)
+    return "" if fits else f"it has to be {_allowed(declared)}"
 
 
-def _one_of(choices: list[str]) -> str:
-    return f"it has to be {' or '.join(choices)}" if len(choices) <= 3 else f"it has to be one of {some(choices)}"
+def _allowed(declared: Parameter) -> str:
+    """Describes all allowed values of a parameter: `control or treatment`, `a whole number from 1 to 50`."""
+    if choices := declared.choices:
+        return " or ".join(choices) if len(choices) <= 3 else f"one of {some(choices)}"
+    low, high = declared.minimum, declared.maximum
+    wanted = _WANTED[declared.value_type]
+    if low is not None and high is not None:
+        return f"{wanted} from {low} to {high}"
+    if low is not None or high is not None:
+        return f"{wanted}, {f'at least {low}' if low is not None else f'at most {high}'}"
+    return f"{wanted} that matches {declared.pattern}" if declared.pattern is not None else wanted
 
 
 def _is_of_type(value: Any, kind: ValueType) -> bool:

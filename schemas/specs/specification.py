@@ -110,6 +110,21 @@ class Spec(Model):
 
 
 @dataclass(frozen=True)
+class NamedWorld:
+    """World that a step's input names by something else than its ARN."""
+
+    location: Location
+    """Keys that lead to the name in the step's input, as written."""
+
+    path: str
+    """Path of the name in the file: `steps.drive.input.worlds[0]`."""
+
+    place: Place
+    name: str
+    """Name of a world, its id or the beginning of that."""
+
+
+@dataclass(frozen=True)
 class CheckedStep:
     """A step of a specification whose input has been checked, as far as possible before anything runs."""
 
@@ -127,6 +142,9 @@ class CheckedStep:
 
     place: Place
     """Place in the file where the input begins: at its key."""
+
+    worlds: tuple[NamedWorld, ...] = ()
+    """Worlds that are not named by their ARNs; a run puts those in their place."""
 
     parameters: Mapping[str, ParameterValue] = field(default_factory=dict[str, ParameterValue])
     """Parameters of the specification that references in the input need in addition to outputs of steps."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from ..wire.common import counted
 from ..worlds.world import SERVICE_ROOM_TYPES
 from .body import FLOORPLAN_PATH, INTERIOR_PATH, SERVICE_LEAST_AREA_M2, WorldTemplateBody
 
@@ -18,7 +19,7 @@ def body_extensions(body: WorldTemplateBody) -> Iterator[str]:
     """
     rooms = body.floorplan.Rooms
     if len(rooms) > SERVICE_MOST_ROOMS:
-        yield f"{FLOORPLAN_PATH}.Rooms: {len(rooms)} rooms; the service took {SERVICE_MOST_ROOMS} at most"
+        yield f"{FLOORPLAN_PATH}.Rooms: {counted(len(rooms), 'room')}; the service took {SERVICE_MOST_ROOMS} at most"
     if len(body.floorplan.DesiredConnections) > SERVICE_MOST_CONNECTIONS:
         count = len(body.floorplan.DesiredConnections)
         yield f"{FLOORPLAN_PATH}.DesiredConnections: {count}; the service took {SERVICE_MOST_CONNECTIONS} at most"

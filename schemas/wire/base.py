@@ -53,6 +53,11 @@ class ShapeName:
     """Type in the API, if Python has no such type: a 64-bit integer (`long`)."""
 
 
+@dataclass(frozen=True)
+class NamesWorld:
+    """Type annotation (with `Annotated`) of the ARN of a world; a specification may name the world instead."""
+
+
 def choices(enumeration: Any) -> tuple[Any, ...]:
     """Returns the values of a `Literal` type, also inside `Annotated`."""
     if get_origin(enumeration) is Annotated:

@@ -15,7 +15,7 @@ from typing import Annotated, Literal, Protocol, Self, TypeVar
 
 from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field, StringConstraints, model_validator
 
-from .base import Shape, ShapeName, optional
+from .base import NamesWorld, Shape, ShapeName, optional
 
 MAX_DURATION_S = 14 * 24 * 3600
 """Maximum duration of jobs and batches in seconds: 14 days."""
@@ -88,9 +88,15 @@ def without_escapes(text: str) -> str:
     return _ESCAPE_SEQUENCE.sub("", text)
 
 
-def counted(count: int, noun: str) -> str:
-    """Returns a number with its noun, as `1 trial` or `2 trials`."""
-    return f"{count} {noun}{'' if count == 1 else 's'}"
+def counted(count: int, noun: str, form: str = "") -> str:
+    """Returns a number with its noun, as `1 trial` or `2 trials`.
+
+    Args:
+        count: The number.
+        noun: Word for one of them, whose plural ends with an s.
+        form: Format of the number; `,` puts commas between thousands.
+    """
+    return f"{count:{form}} {noun}{'' if count == 1 else 's'}"
 
 
 def shorten(reason: str, limit: int = 1024) -> str:
@@ -133,6 +139,9 @@ Arn = Annotated[str, ShapeName("Arn"), text(1, 1224, r"arn:.*")]
 Arns = Annotated[list[Arn], ShapeName("Arns"), Field(min_length=1, max_length=100)]
 AnsweredArns = Annotated[list[Arn], ShapeName("Arns", 1, 100)]
 """ARNs in a response, without a limit on their number."""
+WorldArn = Annotated[Arn, NamesWorld()]
+"""ARN of a world. Specifications also take its name, and its id or the beginning of that."""
+WorldArns = Annotated[list[WorldArn], ShapeName("Arns"), Field(min_length=1, max_length=100)]
 ApplicationReference = Annotated[str, ShapeName("ApplicationReference"), text(1, 1224, r"arn:.*|[a-zA-Z0-9_\-]+")]
 """ARN of an application or (an extension) its name alone."""
 

@@ -10,7 +10,6 @@ from pydantic import AfterValidator, Field, model_validator
 from .base import Shape, ShapeName, optional
 from .common import (
     ApplicationReference,
-    Arn,
     GenericString,
     Name,
     NonEmptyString,
@@ -19,6 +18,7 @@ from .common import (
     S3Etag,
     S3KeyOrPrefix,
     Version,
+    WorldArn,
     text,
     unique_names,
 )
@@ -182,7 +182,7 @@ class RobotApplicationConfig(Shape):
 class WorldConfig(Shape):
     """The world that a simulation job runs in."""
 
-    world: Arn | None = optional("ARN of the world.")
+    world: WorldArn | None = optional("ARN of the world.")
 
 
 class SimulationApplicationConfig(RobotApplicationConfig):

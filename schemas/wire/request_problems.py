@@ -113,7 +113,7 @@ def problems_of(error: ValidationError, model: type[BaseModel]) -> list[RequestP
         for problem in (_rule_problems(details) if details["type"] == "value_error" else [_problem(details, model)])
     ]
     if (more := len(findings) - MAX_PROBLEMS) > 0:
-        problems.append(RequestProblem((), f"{more} more problems are not listed"))
+        problems.append(RequestProblem((), f"{more} more {'problem is' if more == 1 else 'problems are'} not listed"))
     return problems
 
 

@@ -18,7 +18,7 @@ from typing import Annotated, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from ..wire.base import Shape, optional
-from ..wire.common import Arn
+from ..wire.common import Arn, WorldArn
 from ..wire.operation_shape import INTERNAL, INVALID, NOT_FOUND, OperationShape
 from .world import Light
 
@@ -66,7 +66,7 @@ class WorldVariation(Shape):
 class VaryWorldsRequest(Shape):
     """Request of the pipeline operation `VaryWorlds`: makes variations of existing worlds."""
 
-    worlds: list[Arn] = Field(min_length=1, max_length=1000, description="ARNs of the worlds, 1 to 1000.")
+    worlds: list[WorldArn] = Field(min_length=1, max_length=1000, description="ARNs of the worlds, 1 to 1000.")
     variations: list[WorldVariation] = Field(
         min_length=1, max_length=100, description="Variations to make, 1 to 100; each world gets all of them."
     )

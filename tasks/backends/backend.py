@@ -11,6 +11,7 @@ from typing import Protocol
 from ...schemas.backends import BACKENDS_IN_WORDS
 from ...schemas.discovery import named
 from ...schemas.extras import how_to_install
+from ...schemas.wire.common import counted
 from ...schemas.wire.errors import ConfigurationError, RobomakerError
 
 JOB_WORKER_FLOW = "RunJobWorker"
@@ -86,7 +87,7 @@ class ByHandWorkers:
     """
 
     def __init__(self, batch: str, wanted: int) -> None:
-        self._words = f"up to {wanted} jobs at once; on each machine: robomaker work {batch}"
+        self._words = f"up to {counted(wanted, 'job')} at once; on each machine: robomaker work {batch}"
 
     def look(self) -> str:
         """Returns the command by which a user starts a job worker for the batch, as text; starts nothing."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from ...schemas.exit_codes import BAD_USAGE, INTERRUPTED, OK
+from ...schemas.wire.common import counted
 from .backend import BackendError
 from .node import Ended
 
@@ -105,7 +106,7 @@ class Staffing:
         """
         count = sum(machine.runs for machine in self._machines.values())
         if count:
-            text = f"{count} job worker{'' if count == 1 else 's'} on {self._place}"
+            text = f"{counted(count, 'job worker')} on {self._place}"
         elif self._present:
             text = f"no job worker runs on {self._place} now"
         else:

@@ -20,6 +20,7 @@ from prefect.client.schemas.sorting import FlowRunSort
 from prefect.exceptions import ObjectNotFound, PrefectException, PrefectHTTPStatusError
 from prefect.states import Cancelled, Cancelling, Crashed
 
+from ...schemas.wire.common import counted
 from .backend import JOB_WORKER_FLOW, MISCONFIGURED, BackendError
 
 _FIRST_PAUSE_S = 5.0
@@ -287,7 +288,7 @@ class PoolRuns:
             self._client.delete_flow_run(run.id)
 
     def _in_words(self, running: int, starting: int, trouble: str) -> str:
-        there = f"{running} job worker{'' if running == 1 else 's'} in the work pool {self.pool}"
+        there = f"{counted(running, 'job worker')} in the work pool {self.pool}"
         parts = [there + (f", {starting} starting" if starting else "")]
         if trouble:
             parts.append(trouble)

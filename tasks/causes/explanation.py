@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ...schemas.reports.against import FEWEST_WORLDS
 from ...schemas.reports.causes import CellPlot, Claim, FailureGroup, MarginPlot, Sensitivity, Why
+from ...schemas.wire.common import counted
 from ..results.table import ResultTable
 from .compared import compared, is_compared_with_failures
 from .evidence import AxisColumn, Evidence, evidence_of, varies
@@ -149,7 +150,7 @@ def _too_few(evidence: Evidence, group: Group, fewest: int, axes: Sequence[AxisC
     may = f"; {_may_go_with(evidence, group, *fit)}" if fit is not None and fit[1].low > 1 else ""
     return (
         f"{failures} {'failure is' if failures == 1 else 'failures are'} too few to claim a cause; {fewest} would do, "
-        f"which at this rate takes {needed:,} trials instead of {trials:,}{may}"
+        f"which at this rate takes {counted(needed, 'trial', ',')} instead of {trials:,}{may}"
     )
 
 
@@ -211,10 +212,11 @@ def _nothing_to_compare(evidence: Evidence, group: Group) -> str:
 
 def _refused(evidence: Evidence, axes: Sequence[AxisColumn]) -> Iterator[str]:
     if evidence.twins:
+        count = "counts" if evidence.twins == 1 else "count"
         yield (
-            f"{evidence.twins} trials count for nothing: others of their job, or jobs of their step in the same "
-            "world, with the same values of all axes went through the same states; an application whose states depend "
-            "on the seed would do"
+            f"{counted(evidence.twins, 'trial')} {count} for nothing: others of their job, or jobs of their step in "
+            "the same world, with the same values of all axes went through the same states; an application whose "
+            "states depend on the seed would do"
         )
     for name in evidence.idle:
         yield (
@@ -228,7 +230,7 @@ def _refused(evidence: Evidence, axes: Sequence[AxisColumn]) -> Iterator[str]:
                 so = "and trials are compared with those of their job only; the report compares a step's axes in pairs"
             yield f"{axis.name} has the same value in all trials of each job, {so}; several values in each job would do"
     if not evidence.axes and evidence.world_count < FEWEST_WORLDS:
-        worlds = "1 world" if evidence.world_count == 1 else f"{evidence.world_count} worlds"
+        worlds = counted(evidence.world_count, "world")
         yield f"no cause can be claimed of trials without axes in {worlds}; axes, or {FEWEST_WORLDS} worlds, would do"
 
 

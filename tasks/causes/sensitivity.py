@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ...schemas.reports.against import FEWEST_WORLDS
 from ...schemas.reports.causes import Sensitivity
+from ...schemas.wire.common import counted
 from ..results.rates import margin_units
 from ..results.table import ResultTable
 from .evidence import AxisColumn, Evidence
@@ -89,7 +90,8 @@ def along(
         return None
     count = int(known.sum())
     if count < FEWEST_TRIALS:
-        return f"{count} trials with a margin are too few for an interval; {FEWEST_TRIALS} would do"
+        are = "is" if count == 1 else "are"
+        return f"{counted(count, 'trial')} with a margin {are} too few for an interval; {FEWEST_TRIALS} would do"
     x, y = (within(each[known], evidence.jobs[known]) for each in (values, margins))
     square = float((x**2).sum())
     if square <= 1e-12 * float((values[known] ** 2).sum() + 1e-12):
@@ -99,7 +101,7 @@ def along(
         clusterings.append(evidence.worlds[known])
     clusters = len(np.unique(clusterings[0]))
     if clusters < FEWEST_CLUSTERS:
-        there = "1 world" if worlds == 1 else f"{worlds} worlds"
+        there = counted(worlds, "world")
         return f"{clusters} seeds or cells in {there} are too few for an interval; {FEWEST_CLUSTERS} would do"
     slope = float((x * y).sum()) / square
     left = y - slope * x

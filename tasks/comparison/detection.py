@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from ...schemas.reports.comparison import NeededPairs, PlannedPairs
+from ...schemas.wire.common import counted
 from ...schemas.wire.errors import ConfigurationError
 from ..results.rates import wilson_interval
 from .better_or_worse import judged_pairs
@@ -108,7 +109,7 @@ def plan_pairs(question: Question, planned: PlannedTrials | None, earlier: Earli
             worlds = max(planned.worlds, fewest_worlds(question.alpha))
             spread = (np.zeros(worlds), np.full(worlds, each))
             assumed.append("trials of one world are no more alike than others; where they are, it takes more worlds")
-        assumed.append(f"{each:.3g} trials in each world, as now")
+        assumed.append(f"{each:.3g} {'trial' if each == 1 else 'trials'} in each world, as now")
     pairs, worlds_needed = pairs_for(question.share, share, question.alpha, spread, is_margin=is_margin)
     median = None
     if question.stops:
@@ -188,7 +189,7 @@ def _discordant(question: Question, earlier: EarlierPairs | None) -> tuple[float
         why = f"no two earlier runs with {FEWEST_PAIRS} pairs in common differed; --differ says another share"
         return ASSUMED_SHARE, [f"{ASSUMED_SHARE:.0%} of pairs differ: {why}"]
     low, high = wilson_interval(round(earlier.share * len(earlier.judged)), len(earlier.judged))
-    between = f"{earlier.runs[0]} and {earlier.runs[1]}, {len(earlier.judged)} pairs"
+    between = f"{earlier.runs[0]} and {earlier.runs[1]}, {counted(len(earlier.judged), 'pair')}"
     return earlier.share, [
         f"{earlier.share:.1%} of pairs differ, as between {between} (95% interval {low:.1%} to {high:.1%})"
     ]

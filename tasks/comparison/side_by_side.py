@@ -13,6 +13,7 @@ from ...schemas.runs.axes import value_text
 from ...schemas.runs.axis_kinds.kind import Value
 from ...schemas.runs.requirement_kinds.kind import Requirement
 from ...schemas.specs.batch_splitting import step_of
+from ...schemas.wire.common import counted
 from ..reporting import Outcome, outcomes
 from .compared_runs import HEALTH, JUDGED, TRIALS, outcome_of
 from .pairing import CellPlace, Pair, Pairing, place_beside
@@ -228,7 +229,7 @@ def _turn_of_trials(before: Requirement, after: Requirement) -> tuple[Requiremen
             return "unchanged", "" if after.satisfied else "still missed"
         return ("better", "newly met") if after.satisfied else ("worse", "newly missed")
     if met[1] != now[1]:
-        return "not comparable", f"{met[1]} trials in A, {now[1]} in B"
+        return "not comparable", f"{counted(met[1], 'trial')} in A, {now[1]} in B"
     change = now[0] - met[0]
     if not change:
         return "unchanged", ""

@@ -12,7 +12,7 @@ from ...schemas.fleet.operations.deployment_jobs import DeploymentJobErrorCode
 from ...schemas.fleet.rollouts.rollout import DeploymentReport, Rollout, Stopped
 from ...schemas.lifecycles import is_terminal
 from ...schemas.wire.arns import ResourceArn
-from ...schemas.wire.common import shorten
+from ...schemas.wire.common import counted, shorten
 from ...schemas.wire.errors import (
     DeploymentError,
     ResourceNotFoundException,
@@ -72,7 +72,7 @@ def _show_end(job: Resource, report: DeploymentReport, path: str) -> None:
     rollout = report.rollout
     if rollout is not None:
         counts = ", ".join(f"{count} {word}" for word, count in counts_of(rollout).items())
-        lines += [f"{len(rollout.robots)} robots: {counts}.", ""]
+        lines += [f"{counted(len(rollout.robots), 'robot')}: {counts}.", ""]
         bad = [robot for robot, state in rollout.robots.items() if state.outcome == "failed"]
         lines += [f"- **{ResourceArn.parse(robot).name}** {rollout.robots[robot].failure_code}" for robot in bad[:20]]
         show_table(artifact_key(job.id, "robots"), robot_rows(rollout, [*bad, *_others(rollout, bad)]), "Robots")

@@ -581,7 +581,7 @@ def _show(report: Report, jobs: Sequence[JobRecord], path: Path, pages: ConsoleP
     ]
     show_table(artifact_key("robomaker", report.run_id, "jobs"), rows, "Simulation jobs")
     outcomes = [classify(job.status, job.failure_code, job.verdict) for job in jobs]
-    passed = f"{outcomes.count(Outcome.PASSED)} of {len(jobs)} jobs pass."
+    passed = f"{outcomes.count(Outcome.PASSED)} of {counted(len(jobs), 'job')} pass."
     lines = [f"# {report.name}: {report.state}", "", passed, "", f"Report: `{path}`"]
     if page := pages.run(report.run_id):
         lines += ["", f"[Run in the console]({page})"]

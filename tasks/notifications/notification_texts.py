@@ -8,6 +8,7 @@ from ...schemas.reports.changes import Losses, SinceLastRun
 from ...schemas.reports.run_record import CaseOutcome, JobRecord, RunRecord
 from ...schemas.reports.run_states import case_outcome, count_outcomes
 from ...schemas.runs.plan import Requirement
+from ...schemas.wire.common import counted
 from ..reporting.console_pages import NO_CONSOLE, ConsolePages
 from ..reporting.nights.changes import (
     judged_otherwise_in_words,
@@ -119,7 +120,7 @@ def _counts(record: RunRecord) -> str:
     parts = [
         f"{counts.get(outcome, 0)} {word}" for outcome, word in _WORDS.items() if outcome in counts or word == "pass"
     ]
-    return f"{', '.join(parts)} of {len(record.jobs)} job{'s' if len(record.jobs) != 1 else ''}"
+    return f"{', '.join(parts)} of {counted(len(record.jobs), 'job')}"
 
 
 def _line(job: JobRecord) -> str:

@@ -9,6 +9,7 @@ from ...schemas.reports.causes import Why
 from ...schemas.reports.challenge import Challenge
 from ...schemas.reports.changes import SinceLastRun
 from ...schemas.reports.report import JobCase, ReportSummary, Share
+from ...schemas.wire.common import counted
 from . import outcomes
 from .causes import is_told
 from .console_pages import ConsolePages
@@ -126,14 +127,14 @@ def _counts(summary: ReportSummary, jobs: int) -> list[str]:
     """
     counts = dict(summary.counts)
     passed = counts.pop(Outcome.PASSED.value, 0)
-    told = [f"**{passed} of {jobs} jobs passed**" if jobs else "**no simulation jobs**"]
+    told = [f"**{passed} of {counted(jobs, 'job')} passed**" if jobs else "**no simulation jobs**"]
     known = sum(bool(job.known) for step in summary.steps for job in step.jobs)
     if known:  # they are FAIL, and make no run red
         counts[Outcome.FAILED.value] -= known
     told += [f"{count} {outcome}" for outcome, count in counts.items() if count]
     told += [f"{known} known {'failure' if known == 1 else 'failures'}"] if known else []
     if summary.trials > jobs:
-        told.append(f"{summary.trials} trials")
+        told.append(counted(summary.trials, "trial"))
     # Trials that end a run are no sample of a fixed size, for which the interval holds.
     if (rate := summary.success.rate) is not None and summary.success.low is not None and not summary.against:
         low, high = (f"{100 * (end or 0.0):.0f}" for end in (summary.success.low, summary.success.high))
@@ -157,7 +158,7 @@ def _requirements(missed: list[Share]) -> Iterator[str]:
 
 def _jobs(bad: list[JobCase], pages: ConsolePages) -> Iterator[str]:
     """Yields the lines of a collapsible table of the jobs that did not pass, the worst first, cut after some jobs."""
-    count = "1 job" if len(bad) == 1 else f"{len(bad)} jobs"
+    count = counted(len(bad), "job")
     yield f"<details{' open' if len(bad) == 1 else ''}><summary>{count} did not pass</summary>"
     yield ""
     yield "| job | outcome | why | again |"

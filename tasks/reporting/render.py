@@ -20,6 +20,7 @@ from ...schemas.reports.report import Report
 from ...schemas.specs.parameter_values import value_in_words, values_in_words
 from ...schemas.wings import parts_of_wings
 from ..files.whole_files import write_whole
+from ...schemas.wire.common import counted
 from ..results.table import ResultTable
 from . import outcomes
 from .nights.changes import (
@@ -233,6 +234,7 @@ def page_environment(*folders: Path) -> jinja2.Environment:
     )
     environment.filters.update(
         duration=outcomes.duration,
+        counted=counted,
         number=outcomes.number,
         plain=outcomes.plain,
         compact=outcomes.compact,

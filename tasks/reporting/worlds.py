@@ -11,6 +11,7 @@ from ...schemas.reports.report import Report, ReportedJob, ReportedWorld, Share
 from ...schemas.runs.axes import AS_BUILT, value_text
 from ...schemas.runs.axis_kinds.kind import Value
 from ...schemas.runs.trial_rows import FailingTrial, TrialCounts, TrialsSummary
+from ...schemas.wire.common import counted
 from ...schemas.worlds.world import Preference, World
 from ..results.rates import share_of
 from .drawings import plan
@@ -154,7 +155,7 @@ class TrialsView:
     def label(self) -> str:
         """Summary of the trials: `95 of 100 trials passed`."""
         judged = self.share.passed + self.share.failed + self.share.errors
-        return f"{self.share.passed} of {judged} trials passed"
+        return f"{self.share.passed} of {counted(judged, 'trial')} passed"
 
 
 def trials_share(job: ReportedJob) -> Share | None:

@@ -102,7 +102,9 @@ def test_a_schedule_without_a_value_is_refused_and_one_with_it_is_not(
 def test_wrong_values_are_refused_before_anything_is_deployed(robomaker: Robomaker, pool: str, path: Path) -> None:
     ended = robomaker("deploy", path, "--pool", pool, "--set", "worlds=77")
     assert ended.code == 2
-    assert f"{path}:5:12: parameters.worlds: the value given is 77; it may be at most 50" in ended.err
+    assert (
+        f"{path}:5:12: parameters.worlds: the value given is 77; it has to be a whole number from 1 to 50" in ended.err
+    )
 
 
 def run_with(
@@ -183,7 +185,7 @@ def test_a_worker_runs_it_with_the_values_of_the_order(
     order(client, made, side="a", worlds=4, text=narrower(path))
 
     log = tmp_path / "worker.log"
-    problem = "parameters.worlds: the value given is 4; it may be at most 3"
+    problem = "parameters.worlds: the value given is 4; it has to be a whole number from 1 to 3"
     with process_worker(pool, environ, log):
         runs = ended_runs(client, made, 3)
         # The process of a run sends its last lines after the run has ended, and dies with its worker.

@@ -1,17 +1,21 @@
 """Reads files that the user names: specifications, and requests of operations."""
 
 import argparse
+import os
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ....schemas.operations.registry import OPERATIONS
+from ....schemas.settings import Settings
 from ....schemas.specs.parameters import AsText
 from ....schemas.specs.specification import CheckedSpec
 from ....schemas.specs.yaml_nodes import MappingNode, parse
 from ....schemas.wire.errors import ConfigurationError, Place, Problem, SpecError
 from ...spec_runs.visitor_specifications import SHIPPED, checked
+from .named_code import check_code
 
 
 class InputFileError(ConfigurationError):
@@ -66,13 +70,16 @@ def given_parameters(arguments: argparse.Namespace) -> dict[str, Any]:
     return given
 
 
-def read_spec(path: str, parameters: Mapping[str, Any] | None = None, *, is_complete: bool = True) -> CheckedSpec:
-    """Reads and checks a specification file.
+def read_spec(
+    path: str, parameters: Mapping[str, Any] | None = None, *, is_complete: bool = True, with_code: bool = False
+) -> CheckedSpec:
+    """Reads and checks a specification file; worlds that it names are found in the catalog.
 
     Args:
         path: A file; or `quickstart` or `nightly`, if there is no such file: they come with this package.
         parameters: Values of its parameters; see `given_parameters`.
         is_complete: Whether each parameter has to have a value, as for a run.
+        with_code: Whether to look at the code that the specification points at, too.
 
     Raises:
         InputFileError: The file cannot be opened.
@@ -80,7 +87,29 @@ def read_spec(path: str, parameters: Mapping[str, Any] | None = None, *, is_comp
     """
     shipped = SHIPPED / f"{path}.yaml"
     is_shipped = "." not in path and "/" not in path and not Path(path).exists() and shipped.is_file()
-    return checked(read_text(str(shipped) if is_shipped else path), path, parameters, is_complete=is_complete)
+    text = read_text(str(shipped) if is_shipped else path)
+    spec = checked(text, path, parameters, is_complete=is_complete)
+    if not with_code:
+        return _with_worlds_found(spec)
+    code = check_code(spec, Settings.from_environment(os.environ))
+    spec = replace(spec, notes=(*spec.notes, *code.notes))
+    try:
+        spec = _with_worlds_found(spec)
+    except SpecError as error:
+        code.problems.extend(error.problems)
+    if code.problems:
+        raise SpecError(sorted(code.problems, key=lambda each: (each.place.line, each.place.column)), spec.notes)
+    return spec
+
+
+def _with_worlds_found(spec: CheckedSpec) -> CheckedSpec:
+    """Puts ARNs in place of the names of worlds; opens the catalog only if there is any, since that takes a while."""
+    if not any(step.worlds for step in spec.steps.values()):
+        return spec
+    from ....tasks.service.world_names import with_worlds_found
+    from .options import open_service
+
+    return with_worlds_found(spec, open_service())
 
 
 def read_request(given: str, operation: str) -> dict[str, Any]:
@@ -97,7 +126,7 @@ def read_request(given: str, operation: str) -> dict[str, Any]:
     from ....schemas.specs.resolving import resolve_input
 
     text, name = _text(given)
-    checked = load_request(text, name, operation)
+    checked = _with_worlds_found(load_request(text, name, operation))
     return resolve_input(checked.steps[checked.order[0]], {})
 
 

@@ -96,16 +96,24 @@ def _time_text(value: object) -> str:
 
 def print_problems(problems: Sequence[Problem]) -> None:
     """Prints a specification's problems and their number to standard error, in GitHub workflows also as annotations."""
+    from ....schemas.wire.common import counted
+
     for problem in problems:
         sys.stderr.write(f"{problem}\n")
     files = {problem.place.file for problem in problems}
-    count = f"{len(problems)} problem{'s' if len(problems) > 1 else ''}"
+    count = counted(len(problems), "problem")
     sys.stderr.write(
         f"robomaker: {count} in {', '.join(sorted(files))}; nothing was run; docs/specification.md has the language\n"
     )
     if os.environ.get("GITHUB_ACTIONS") == "true":
         for problem in problems:
             sys.stderr.write(f"{annotation(problem)}\n")
+
+
+def print_notes(notes: Sequence[Problem]) -> None:
+    """Prints to standard error what may be wrong with a specification, and is no problem."""
+    for note in notes:
+        sys.stderr.write(f"{note.place}: {note.path}: note: {note.message}\n")
 
 
 def annotation(problem: Problem) -> str:

@@ -156,8 +156,8 @@ def _needed(needed: NeededPairs) -> str:
     of = f"{basis} of {needed.difference * 100:.3g} points"
     if not needed.more:
         return f"no more pairs: {needed.pairs} show {of} with a {chance}, and there are as many"
-    worlds = f" in {needed.worlds} worlds" if needed.worlds else ""
-    return f"{needed.more} more pairs, {needed.pairs} in all{worlds}, to show {of} with a {chance}"
+    worlds = f" in {counted(needed.worlds, 'world')}" if needed.worlds else ""
+    return f"{counted(needed.more, 'more pair')}, {needed.pairs} in all{worlds}, to show {of} with a {chance}"
 
 
 def _needed_for_margin(needed: NeededPairs) -> str:
@@ -165,8 +165,8 @@ def _needed_for_margin(needed: NeededPairs) -> str:
     what = f"{what}, if nothing changed"
     if not needed.more:
         return f"no more pairs: {needed.pairs}, which there are, are enough {what}; so something may have changed"
-    worlds = f" in {needed.worlds} worlds" if needed.worlds else ""
-    return f"{needed.more} more pairs, {needed.pairs} in all{worlds}, {what}"
+    worlds = f" in {counted(needed.worlds, 'world')}" if needed.worlds else ""
+    return f"{counted(needed.more, 'more pair')}, {needed.pairs} in all{worlds}, {what}"
 
 
 def _paired(title: str, jobs: Sequence[PairedJob]) -> list[str]:

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING
 
+from ....schemas.wire.common import counted
 from .answers import duration
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ _UNITS = ("bytes", "kB", "MB", "GB", "TB")
 def forecast_lines(forecast: "Forecast") -> list[str]:
     """Formats a forecast of time, disk space and cost as text lines."""
     machines = forecast.places.machines
-    where = f"{machines} machine{'s' if machines != 1 else ''}, backend {forecast.backend}"
+    where = f"{counted(machines, 'machine')}, backend {forecast.backend}"
     rows = [
         ("wall time", duration(forecast.wall_time_s)),
         ("CPU", "not known" if forecast.cpu_time_s is None else _cpu_time(forecast.cpu_time_s)),
@@ -62,17 +63,18 @@ def needed_lines(needed: "PlannedPairs") -> list[str]:
     question = f"that nothing got worse by {points}" if needed.basis == "margin" else f"a difference of {points}"
     took = [] if needed.wall_time_s is None else [duration(needed.wall_time_s)]
     took += [] if needed.cost is None else [f"cost {needed.cost:.4f}"]
-    worlds = f" in {needed.worlds} worlds" if needed.worlds else ""
+    worlds = f" in {counted(needed.worlds, 'world')}" if needed.worlds else ""
+    trials = counted(needed.pairs, "trial")
     lines = [
         f"to show {question} with a chance of {needed.power:.0%}: "
-        f"{', '.join([f'{needed.pairs} trials{worlds} in each of two runs', *took])}",
+        f"{', '.join([f'{trials}{worlds} in each of two runs', *took])}",
         f"  decided by  {_TESTS[needed.test]}",
     ]
     if needed.median is not None:
-        lines.append(f"  stops       after {needed.median} trials or fewer in half of the runs")
+        lines.append(f"  stops       after {counted(needed.median, 'trial')} or fewer in half of the runs")
     if needed.planned is not None:
         enough = f"{needed.more} too few" if needed.more else "enough"
-        lines.append(f"  a run has   {needed.planned} trials: {enough}")
+        lines.append(f"  a run has   {counted(needed.planned, 'trial')}: {enough}")
     if needed.smallest is not None and needed.more:
         what = "exclude a fall by" if needed.basis == "margin" else "show a difference of"
         lines.append(f"  they        {what} {needed.smallest * 100:.3g} points")
@@ -102,14 +104,14 @@ def _ran(jobs: "Sequence[ProbedJob]") -> list[str]:
     """Describes how the jobs of a probe (small trial run) ended: counts of verdicts, then jobs that did not pass."""
     counts = Counter(job.verdict for job in jobs)
     told = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
-    lines = [f"  ran: {len(jobs)} {'job' if len(jobs) == 1 else 'jobs'}: {told}"]
+    lines = [f"  ran: {counted(len(jobs), 'job')}: {told}"]
     bad = [job for job in jobs if job.verdict != "PASS"]
     lines += [f"    {_verdict(job)}" for job in bad[:_MOST_TOLD]]
     return lines + ([f"    … and {len(bad) - _MOST_TOLD} more"] if len(bad) > _MOST_TOLD else [])
 
 
 def _verdict(job: "ProbedJob") -> str:
-    trials = "" if job.trials is None else f", {job.trials_passed or 0} of {job.trials} trials pass"
+    trials = "" if job.trials is None else f", {job.trials_passed or 0} of {counted(job.trials, 'trial')} pass"
     reason = job.reason.partition("\n")[0]
     return f"{job.job} {job.verdict}{trials}{f': {reason}' if reason else ''}"
 

@@ -14,6 +14,7 @@ from ....schemas.reports.progress import (
     TrialCounts,
 )
 from ....schemas.runs.programs import IN_WORDS, Wait
+from ....schemas.wire.common import counted
 from .answers import duration
 
 BAD_STATUSES = frozenset({"Failed", "Canceled", "TimedOut", "PartialFailed", "Skipped"})
@@ -60,7 +61,7 @@ class StepState:
             return ""
         is_played = self.is_running and self.trials.finished == self.trials.total
         still = "; failed ones are recorded, outputs uploaded" if is_played else ""
-        return f"{self.trials.finished:,} of {self.trials.total:,} trials{still}"
+        return f"{self.trials.finished:,} of {counted(self.trials.total, 'trial', ',')}{still}"
 
     @property
     def work(self) -> tuple[int, int]:

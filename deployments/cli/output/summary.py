@@ -8,6 +8,7 @@ from ....schemas.reports.against import in_words
 from ....schemas.reports.run_record import JobRecord, RunRecord, StepRecord, interrupted_in_words
 from ....schemas.reports.run_states import counts_in_words
 from ....schemas.specs.parameter_values import values_in_words
+from ....schemas.wire.common import counted
 from .answers import Cell, duration, print_lines
 from .challenge import challenge_lines
 
@@ -104,7 +105,7 @@ def _changed_lines(lost: Sequence[str]) -> list[list[Cell]]:
 
 
 def _headline(record: RunRecord) -> str:
-    counts = counts_in_words(record.jobs) if record.challenge is None else f"{len(record.jobs)} jobs"
+    counts = counts_in_words(record.jobs) if record.challenge is None else counted(len(record.jobs), "job")
     return f", {counts}," if counts else ""
 
 
@@ -144,7 +145,7 @@ def _remark_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
         for remark in job.remarks:
             by_remark.setdefault(_in_one_line(remark), []).append(job.title)
     return [
-        [(f"  {labels[0] if len(labels) == 1 else f'{len(labels)} jobs'}: ", ""), (_cut(remark), "yellow")]
+        [(f"  {labels[0] if len(labels) == 1 else counted(len(labels), 'job')}: ", ""), (_cut(remark), "yellow")]
         for remark, labels in by_remark.items()
     ][:_MAX_JOBS]
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from ....schemas.exit_codes import OK, VERDICT_FAILED
+from ....schemas.wire.common import counted
 from ....schemas.worlds.world import Passage, Room, World
 from ..inputs.world_lookup import FoundWorld, find_world
 from .answers import Cell, print_lines
@@ -230,7 +231,7 @@ def _places(facts: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield "stored", bundle["stored_at"]
     yield "copy" if bundle["stored_at"] else "bundle", bundle["local"]
     size = f"{building['width_m']:.2f} x {building['depth_m']:.2f} m, {building['ceiling_height_m']:.2f} m high"
-    rooms = f"{len(facts['rooms'])} room{'' if len(facts['rooms']) == 1 else 's'}"
+    rooms = counted(len(facts["rooms"]), "room")
     yield "building", f"{size}, {rooms}, {building['floor_area_m2']:.1f} m² inside the walls"
 
 

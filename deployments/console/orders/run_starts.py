@@ -16,6 +16,7 @@ from ....schemas.specs.parameters import AsText, Parameter
 from ....schemas.specs.specification import CheckedSpec
 from ....schemas.wire.errors import InvalidParameterException, Problem, SpecError, ThrottlingException
 from ....tasks.inspection.preflight import check_preconditions
+from ....tasks.service.world_names import with_worlds_found
 from ...endpoint.calling.audit_log import Call
 from ...endpoint.calling.scopes import check_scope
 from ...endpoint.protocol_errors import AccessDeniedException
@@ -193,6 +194,7 @@ def _checked(visit: Visit, draft: Draft, *, starts: bool) -> Draft:
                 return replace(draft, spec=spec)
             if refused := problems_of_rights(visit.key, spec, visit.service.catalog):
                 return _with_problems(draft, refused, is_refused=True)
+            spec = with_worlds_found(spec, visit.service)
             check_preconditions(spec, visit.service)
         except SpecError as error:
             return _with_problems(draft, list(error.problems))

@@ -6,6 +6,7 @@ from typing import Literal
 from pydantic import Field
 
 from ...wire.base import optional
+from ...wire.common import counted
 from ...worlds.world import Point, contains
 from .kind import (
     ROUNDING_S,
@@ -111,7 +112,7 @@ class AllRoomsRule(Rule[AllRoomsRequirement]):
         by = "" if self.asked.by_s is None else f", {self.asked.by_s:g} s asked for"
         missing = [name for name in self._rooms if name not in self.visited_s]
         if not missing:
-            return f"all {len(self._rooms)} rooms visited at {max(self.visited_s.values()):.2f} s{by}"
+            return f"all {counted(len(self._rooms), 'room')} visited at {max(self.visited_s.values()):.2f} s{by}"
         more = f" and {len(missing) - _MOST_NAMED} more" if len(missing) > _MOST_NAMED else ""
         named = ", ".join(missing[:_MOST_NAMED])
-        return f"{len(self.visited_s)} of {len(self._rooms)} rooms visited{by}; not {named}{more}"
+        return f"{len(self.visited_s)} of {counted(len(self._rooms), 'room')} visited{by}; not {named}{more}"

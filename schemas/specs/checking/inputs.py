@@ -5,6 +5,7 @@ itself are ignored.
 """
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
@@ -33,6 +34,7 @@ from ..specification import (
     FOR_EACH,
     FOR_EACH_KEYS,
     INDEX,
+    NamedWorld,
     as_written,
     axes_of,
     for_each_of,
@@ -40,15 +42,18 @@ from ..specification import (
     place_of,
     variable_of,
 )
-from ..step_axes import VALUE, clashing_axes, clashing_words, is_axes_location
+from ..step_axes import AXES, VALUE, clashing_axes, clashing_words, is_axes_location
 from ..yaml_nodes import ListNode, MappingNode, Node, ScalarNode, child, key_place, node_at, plain, value_place
-from .placeholders import KIND, Placeholder, chosen, inner
+from .placeholders import KIND, Placeholder, chosen, inner, names_world
 from .respelling import Respelling, respelt
 from .rounds import Rounds, within
 from .written_axes import WrittenAxes
 
 Scope: TypeAlias = Mapping[str, Kind]
 
+_OPENING = "${{"
+_VARIABLE = re.compile(r"\$\{\{\s*(\w+)\s*\}\}")
+"""Pattern of a text that is the value of one variable."""
 _ANY_NAME = ""
 """Name in a scope that stands for a variable whose name is unknown."""
 _ROOMS: Location = ("Buildings", 0, "Floors", 0, "Floorplan", "Rooms")
@@ -73,6 +78,12 @@ class InputCheck:
     problems: list[Problem] = field(default_factory=list[Problem])
     names: set[str] = field(default_factory=set[str])
     """Names of the steps to which it refers."""
+
+    worlds: list[NamedWorld] = field(default_factory=list[NamedWorld])
+    """Worlds that are not named by their ARNs."""
+
+    _world_variables: set[str] = field(default_factory=set[str])
+    """Names of axes, and of variables of a `forEach`, whose values are worlds."""
 
     _references: list[Location] = field(default_factory=list[Location])
     _wrong_names: set[str] = field(default_factory=set[str])
@@ -134,6 +145,12 @@ class InputCheck:
         if not isinstance(node.value, str):
             return node.value
         kind = self._kind(node.value, location, scope)
+        if names_world(annotation):
+            if kind is None and self._name_world(node, as_written(self.node, location)):
+                self._references.append(location)
+                return Placeholder(annotation)
+            if variable := _VARIABLE.fullmatch(node.value):
+                self._world_variables.add(variable[1])
         if kind is None:
             return parse_template(node.value).value({}) if "$${{" in node.value else node.value
         wanted = kind_of(annotation)
@@ -141,6 +158,19 @@ class InputCheck:
             hint = "; to_string(…) makes text of it" if wanted == TEXT and isinstance(kind, Scalar) else ""
             self._report(location, f"{node.value} is {_described(kind)}; it has to be {_described(wanted)}{hint}")
         return Placeholder(annotation)
+
+    def _name_world(self, node: Node, written: Location) -> bool:
+        """Keeps a text that names a world by something else than its ARN; returns whether it is one."""
+        name = node.value if isinstance(node, ScalarNode) else None
+        if not isinstance(name, str) or not name or name.startswith("arn:") or _OPENING in name:
+            return False
+        self.worlds.append(NamedWorld(written, self._path(written), node.place, name))
+        return True
+
+    def _name_worlds(self, node: Node | None, written: Location) -> None:
+        """Keeps the names of worlds in a list."""
+        for index, item in enumerate(node.items if isinstance(node, ListNode) else ()):
+            self._name_world(item, (*written, index))
 
     def _kind(self, text: str, location: Location, scope: Scope) -> Kind | None:
         """Returns the type of the value of a text with references; `None` for a text without references.
@@ -174,7 +204,10 @@ class InputCheck:
         if value is None:
             return self._unknown(location, annotation)
         inner_scope = {**scope, **self._variables(construct, item, problems), INDEX: WHOLE_NUMBER}
-        return [self._walk(value, (*location, 0), inner(annotation, 0), inner_scope)]
+        made = [self._walk(value, (*location, 0), inner(annotation, 0), inner_scope)]
+        if variable_of(construct) in self._world_variables:
+            self._name_worlds(construct.entries[FOR_EACH], (*as_written(self.node, location), FOR_EACH))
+        return made
 
     def _axes(self, construct: MappingNode, location: Location, annotation: Any, scope: Scope) -> Any:
         """Returns the request of a job of axes, as the only item of a list; reports problems of the axes."""
@@ -188,6 +221,14 @@ class InputCheck:
         for name in clashing_axes([*axes.kinds], plain(value) if isinstance(value, MappingNode) else {}):
             self._report_at((*location, VALUE, "trials", "axes", name), clashing_words(name), at_key=True)
         made = self._walk(value, (*location, 0), inner(annotation, 0), {**scope, **axes.kinds})
+        for name in self._world_variables & axes.kinds.keys():
+            at = (AXES, name, "values")
+            self._name_worlds(node_at(construct, at), (*location, *at))
+            for cells in ("include", "exclude"):
+                listed = construct.entries.get(cells)
+                for index, cell in enumerate(listed.items if isinstance(listed, ListNode) else ()):
+                    if (world := child(cell, name)) is not None:
+                        self._name_world(world, (*location, cells, index, name))
         for name in axes.kinds.keys() - self.names:
             words = f"nothing in value refers to it, so that its jobs would be the same; write ${{{{ {name} }}}} there"
             self._report_at((*location, "axes", name), words, at_key=True)

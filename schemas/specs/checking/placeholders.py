@@ -7,6 +7,7 @@ from typing import Any, Literal, NamedTuple, get_args, get_origin
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
+from ...wire.base import NamesWorld
 from ...wire.json_values import is_list, is_object
 from ...wire.request_problems import closest
 from ..reference_typing import (
@@ -71,6 +72,12 @@ def inner(annotation: Any, step: str | int) -> Any:
     if get_origin(core) in (list, dict):
         return get_args(core)[-1]
     return Any
+
+
+def names_world(annotation: Any) -> bool:
+    """Returns whether an annotation is that of the ARN of a world, which a specification may name otherwise."""
+    parts = get_args(annotation)
+    return any(isinstance(part, NamesWorld) or names_world(part) for part in parts if get_origin(part) is not list)
 
 
 def choices_of(annotation: Any) -> Mapping[str, type[BaseModel]]:

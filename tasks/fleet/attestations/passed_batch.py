@@ -13,6 +13,7 @@ from ....schemas.documents.applications import ApplicationDocument
 from ....schemas.documents.simulation_jobs import SimulationJobBatchDocument, SimulationJobDocument
 from ....schemas.lifecycles import is_terminal
 from ....schemas.runs.trials import Trials
+from ....schemas.wire.common import counted
 from ....schemas.wire.errors import DeploymentError, ResourceNotFoundException
 from ...catalog import Resource
 from ...service.service import Service
@@ -109,7 +110,8 @@ def judge(stored: StoredBatch, application: Resource) -> PassedBatch | RunningBa
     passed = tuple(each for each in judged if isinstance(each, PassedJob))
     if not passed or len(passed) != len(document.requests):
         raise DeploymentError(
-            f"the required batch {arn} has {len(passed)} jobs of {len(document.requests)} requests; "
+            f"the required batch {arn} has {counted(len(passed), 'job')} of "
+            f"{counted(len(document.requests), 'request')}; "
             "each has to be there, and to have passed",
             _NOT_PASSED,
         )

@@ -14,6 +14,7 @@ from ....schemas.reports.changes import (
     RequirementChange,
     SinceLastRun,
 )
+from ....schemas.wire.common import counted
 from .. import outcomes
 
 _MOST_NAMED = 4
@@ -41,7 +42,7 @@ def since_in_words(since: FailureStart) -> str:
 
     An example, with `TIME` for the start: `fails since TIME, 3 runs; changed then: mujoco 3.17.0 → 3.18.0`.
     """
-    runs = "1 run" if since.nights == 1 else f"{since.nights} runs"
+    runs = counted(since.nights, "run")
     began = f"fails since {outcomes.moment(since.started_at)}, {runs}"
     if since.last_passed_run_id is None:
         return f"{began}; never passed in the runs looked at"
@@ -151,7 +152,7 @@ def loss_in_words(loss: Loss) -> str:
     """Describes one loss: `failed before; requirement east is not asked any more`."""
     before = "broke before" if loss.before == "broken" else f"{loss.before} before"
     if loss.trials_now is not None:
-        trials = "1 trial" if loss.trials_now == 1 else f"{loss.trials_now} trials"
+        trials = counted(loss.trials_now, "trial")
         return f"{before}; {trials}, {loss.trials_before} before"
     if not loss.requirements:
         return before

@@ -7,6 +7,7 @@ from typing import Any
 import dm_env
 
 from ....schemas.runs.plan import RecordedActions
+from ....schemas.wire.common import counted
 from ....schemas.wire.errors import LaunchError
 from ..episode.context import ActionError, RobotProgramError, SimulationContext
 from ..episode.progress import RunEnded
@@ -95,8 +96,8 @@ class RecordedRobot(Observer):
         if self._ended_by is not None:
             return RunEnded(self._ended_by)
         return RobotProgramError(
-            f"the recorded actions of robot application {self._robot} end here, after {self._taken} steps, where the "
-            "run failed; the program itself is not run again"
+            f"the recorded actions of robot application {self._robot} end here, after {counted(self._taken, 'step')}, "
+            "where the run failed; the program itself is not run again"
         )
 
 

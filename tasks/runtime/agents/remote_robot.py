@@ -11,6 +11,7 @@ import dm_env
 from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.provenance import ActionsSummary
 from ....schemas.runs.variables import number_in
+from ....schemas.wire.common import counted
 from ....schemas.wire.errors import LaunchError
 from ..episode.context import ActionError, RobotProgramError, SimulationContext
 from ..episode.progress import RunStopped
@@ -141,7 +142,7 @@ class RemoteAgent:
         silent = self._number - self._acted_at
         if self._hello.mode != "free" or silent < max(_MIN_SILENT_STEPS, observations / 2):
             return []
-        actions = f"{self._actions} action{'' if self._actions == 1 else 's'} for {observations} observations"
+        actions = f"{counted(self._actions, 'action')} for {observations} observations"
         return [
             f"the robot application sent {actions}, and none after step {self._acted_at + 1}: the last was repeated"
         ]

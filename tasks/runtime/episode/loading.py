@@ -58,7 +58,7 @@ def load_factory(attribute: str, path: Path | None = None) -> Callable[..., Any]
     where = module.__name__
     for name in rest:
         if not hasattr(value, name):
-            raise LoadError(_missing_attribute(attribute, where, name, value))
+            raise LoadError(missing_attribute(attribute, where, name, _names_in(value)))
         value = getattr(value, name)
         where = f"{where}.{name}"
     if not callable(value):
@@ -101,7 +101,7 @@ def _import_longest(parts: list[str], path: Path | None) -> tuple[ModuleType, li
             if error.name != name:
                 raise LoadError(f"importing {name} failed: {error}") from error
             if module is None:
-                raise LoadError(_missing_package(".".join(parts), name, path)) from None
+                raise LoadError(missing_package(".".join(parts), name, path)) from None
             return module, parts[count - 1 :]
         except Exception as error:
             raise LoadError(f"importing {name} failed: {type(error).__name__}: {error}") from error
@@ -109,7 +109,14 @@ def _import_longest(parts: list[str], path: Path | None) -> tuple[ModuleType, li
     return module, parts[-1:]
 
 
-def _missing_package(attribute: str, name: str, path: Path | None) -> str:
+def missing_package(attribute: str, name: str, path: Path | None) -> str:
+    """Says that a package does not exist, and which ones a bundle has.
+
+    Args:
+        attribute: Dotted path of the function.
+        name: Name of the package.
+        path: Folder of the bundle; None: the package has to be installed.
+    """
     if path is None:
         mend = "install it, or name its folder in PYTHONPATH"
         return f"there is no installed package {name} (needed for {attribute}); {mend}"
@@ -118,11 +125,22 @@ def _missing_package(attribute: str, name: str, path: Path | None) -> str:
     return f"the bundle has no package {name} (needed for {attribute}){_near(name, there)}; it contains {found}"
 
 
-def _missing_attribute(attribute: str, where: str, name: str, value: Any) -> str:
-    there = [found for found in dir(value) if not found.startswith("_")]
-    if isinstance(value, ModuleType) and hasattr(value, "__path__"):
-        there += [module.name for module in pkgutil.iter_modules(value.__path__)]
-    there = sorted(set(there))
+def _names_in(value: Any) -> Iterable[str]:
+    """Returns the names that an object has, of a package also those of its modules."""
+    path = value.__path__ if isinstance(value, ModuleType) and hasattr(value, "__path__") else ()
+    return [*dir(value), *(module.name for module in pkgutil.iter_modules(path))]
+
+
+def missing_attribute(attribute: str, where: str, name: str, names: Iterable[str]) -> str:
+    """Says that a module, or something in it, lacks a name, and which names it has.
+
+    Args:
+        attribute: Dotted path of the function.
+        where: Dotted path of what lacks the name.
+        name: Name that is missing.
+        names: Names that are there.
+    """
+    there = sorted({found for found in names if not found.startswith("_")})
     listed = f"; it has {_list(there)}" if there else ""
     return f"{where} has no {name} (needed for {attribute}){_near(name, there)}{listed}"
 

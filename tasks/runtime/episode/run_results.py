@@ -16,6 +16,7 @@ from ....schemas.runs.programs import RunStop
 from ....schemas.runs.requirement_kinds.kind import NOT_READ
 from ....schemas.runs.requirement_kinds.off import NOT_THERE
 from ....schemas.wire.base import Model
+from ....schemas.wire.common import counted
 from ....schemas.wire.request_problems import nearest
 from ...files.left_files import write_anew
 from .verdicts import Parts, decide_verdict
@@ -211,7 +212,7 @@ def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) 
     if reached and judged != "ERROR":
         judged = "NONE"
     if episode.ended_by == "agent" and 0 < episode.steps < _FEW_STEPS:
-        steps = f"{episode.steps} step{'' if episode.steps == 1 else 's'}"
+        steps = counted(episode.steps, "step")
         notes.append(f"the robot application ended the run after {steps}, at {episode.sim_time_s:.2f} s simulated")
     is_judged = judged != "NONE" or bool(own or added)
     cut = "the job's duration limit ended the run at"  # requirements with a time of their own may say more of it

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from ....schemas.extras import how_to_install
 from ....schemas.runs.plan import ApplicationPlan, RunPlan
+from ....schemas.runs.variables import TIME_LIMIT_VARIABLE
 from ....schemas.wire.errors import ConfigurationError
 from ....schemas.worlds.world import WORLD_FILE, World
-from ..applications.indoor_navigation.environment import TIME_LIMIT_VARIABLE
 from ..applications.indoor_navigation.environment import make_environment as indoor_navigation
 from ..episode.context import SimulationContext
 from ..episode.run_results import read_report

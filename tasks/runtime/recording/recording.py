@@ -6,28 +6,13 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple
+from typing import Any
 
 from .cdr import Message, RowEncoder, Series, definition, encode, type_hash
 from .companions import LAYOUT_FILE, METADATA_FILE, RecordedTopic, channel_metadata, layout, metadata
+from .frames import DEFAULT_FRAMES, Frames
 from .mcap_file import McapFile, Nowhere, Rows, Unbuffered
 from .messages import TFMessage, TransformStamped
-
-
-class Frames(NamedTuple):
-    """Names of the ROS frames that the built-in simulation publishes."""
-
-    map: str = "map"
-    odometry: str = "odom"
-    base: str = "base_link"
-    scan: str = "base_scan"
-    footprint: str = "base_footprint"
-    """Frame below the base on the floor, which AMCL needs; not published if the base itself has this name."""
-
-    imu: str = "imu_link"
-
-
-DEFAULT_FRAMES = Frames()
 
 
 class Recorder:

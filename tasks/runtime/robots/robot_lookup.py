@@ -9,7 +9,6 @@ In this order:
 4. Scout.
 """
 
-import importlib.util
 import logging
 import re
 from collections.abc import Mapping
@@ -17,8 +16,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ....schemas.runs.plan import ApplicationPlan
-from ....schemas.runs.policies import parse_policy
 from ....schemas.wire.errors import LaunchError
+from .mapping_places import BUILT_IN_PACKAGE, ROBOT_VARIABLE, Package, package_of
 from .robot import Robot
 from .robot_yaml.assembly import make_robot
 from .robot_yaml.derived import said_of
@@ -29,23 +28,10 @@ from .robot_yaml.shape import RobotModel
 from .scout import SCOUT
 from .walker import WALKER
 
-ROBOT_VARIABLE = "ROBOMAKER_ROBOT"
-
 BUILT_IN: Mapping[str, Robot] = {"scout": SCOUT, "walker": WALKER}
 
 _logger = logging.getLogger(__name__)
-_PACKAGE = f"{__name__.rsplit('.', 2)[0]}.applications"
 _MAX_NAME = 60
-
-
-class _Package(NamedTuple):
-    """Folders of a robot application in which its `robot.yaml` is searched, the innermost first, and their root."""
-
-    folders: list[Path]
-    """Folders of the application's packages, the innermost first."""
-
-    root: Path
-    """Folder that contains all files that the application may use."""
 
 
 class FoundRobot(NamedTuple):
@@ -77,15 +63,12 @@ def find_robot(application: ApplicationPlan | None, variables: Mapping[str, str]
         return FoundRobot(_named_robot(named, application, variables), f"as {ROBOT_VARIABLE} says ({named})")
     if application is None:
         return FoundRobot(SCOUT, "since there is no robot application")
-    package = _package_of(application)
-    if package is not None:
-        for folder in package.folders:
-            file = folder / MAPPING_FILE
-            if file.is_file():
-                robot = _from_file(file, package.root, variables, application)
-                where = file.relative_to(package.root).as_posix()
-                return FoundRobot(robot, f"from {where} of the robot application {application.name}")
-    module = (application.attribute or "").removeprefix(f"{_PACKAGE}.").split(".")[0]
+    package = package_of(application)
+    if package is not None and (file := package.find(MAPPING_FILE)) is not None:
+        robot = _from_file(file, package.root, variables, application)
+        where = file.relative_to(package.root).as_posix()
+        return FoundRobot(robot, f"from {where} of the robot application {application.name}")
+    module = (application.attribute or "").removeprefix(f"{BUILT_IN_PACKAGE}.").split(".")[0]
     if application.policy is not None and application.path is None:
         module = application.name  # the attribute is that of the policy's factory
     if module in BUILT_IN:
@@ -93,7 +76,7 @@ def find_robot(application: ApplicationPlan | None, variables: Mapping[str, str]
     return FoundRobot(SCOUT, f"since {_why_it_has_none(application, package)}")
 
 
-def _why_it_has_none(application: ApplicationPlan, package: _Package | None) -> str:
+def _why_it_has_none(application: ApplicationPlan, package: Package | None) -> str:
     """Returns the reason why a robot application has no robot model, as text with the file that was probably meant."""
     owner = f"the robot application {application.name}"
     if package is None:
@@ -126,11 +109,9 @@ def _named_robot(named: str, application: ApplicationPlan | None, variables: Map
         )
     if Path(named).is_absolute() or ".." in Path(named).parts:
         raise LaunchError(f"{ROBOT_VARIABLE}: {named!r} is outside of the robot application; give a path within it")
-    package = _package_of(application) if application is not None else None
-    for folder in package.folders if package is not None else ():
-        if (folder / named).is_file():
-            assert package is not None
-            return _from_file(folder / named, package.root, variables, application)
+    package = package_of(application) if application is not None else None
+    if package is not None and (file := package.find(named)) is not None:
+        return _from_file(file, package.root, variables, application)
     name = application.name if application else "scout"
     hint = "" if package is not None else "; files are looked for in bundles and installed packages, not in containers"
     raise LaunchError(f"{ROBOT_VARIABLE}: the robot application {name} has no file {named!r}{hint}")
@@ -168,37 +149,3 @@ def _short_name(text: str) -> str:
     name = re.sub(r"[^a-z0-9_]+", "_", text.lower()).strip("_")
     name = name if re.match("[a-z]", name) else f"robot_{name}"
     return name[:_MAX_NAME].strip("_")
-
-
-def _package_of(application: ApplicationPlan) -> _Package | None:
-    """Finds an application's files without importing it, as a failed import could not be attributed yet.
-
-    Returns `None` if the application has no files of its own, or its package is not installed.
-    """
-    module = application.package or (application.attribute or "").rpartition(".")[0]
-    parts = module.split(".") if module else []
-    if application.policy is not None:  # the attribute is that of a built-in factory
-        parts = parse_policy(application.policy).folders
-    if application.path is not None:
-        return _Package([*_inwards(application.path, parts)[::-1], application.path], application.path)
-    if not parts or (application.attribute or "").startswith(f"{_PACKAGE}."):
-        return None
-    try:
-        found = importlib.util.find_spec(parts[0])
-    except (ImportError, ValueError):
-        return None
-    for location in found.submodule_search_locations or () if found else ():
-        folder = Path(location)
-        return _Package([*_inwards(folder, parts[1:])[::-1], folder], folder)
-    return None
-
-
-def _inwards(folder: Path, parts: list[str]) -> list[Path]:
-    """Returns the folders on the way down from a folder by names, as far as they exist, the outermost first."""
-    folders = []
-    for part in parts:
-        folder = folder / part
-        if not folder.is_dir():
-            break
-        folders.append(folder)
-    return folders

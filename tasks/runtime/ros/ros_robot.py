@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.programs import RunStop
 from ....schemas.runs.ros_options import RosOptions, RosPlan, Suite
+from ....schemas.wire.common import counted
 from ....schemas.wire.errors import LaunchError
 from ..episode.context import RobotProgramError
 from ..episode.run_results import Findings
@@ -293,8 +294,8 @@ class RosAgent:
         silent = self._steps - self._acted_at
         if silent >= max(20, self._steps / 2):
             self._notes[
-                f"the nodes sent {self._commands} commands for {self._steps} steps, and none after step "
-                f"{self._acted_at}: the robot stood still"
+                f"the nodes sent {counted(self._commands, 'command')} for {counted(self._steps, 'step')}, and none "
+                f"after step {self._acted_at}: the robot stood still"
             ] = None
         if self._commands and self._clock_topic is not None and self._clock_topic not in self._heard:
             self._notes[

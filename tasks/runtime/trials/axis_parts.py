@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from ....schemas.runs.axes import AS_BUILT, value_text
 from ....schemas.runs.axis_kinds.kind import Axis, NumberAxis, Value
 from ....schemas.runs.trial_rows import TrialRow
+from ....schemas.wire.common import counted
 
 Part = tuple[int, str]
 """Index of a part among those of its axis, and its description."""
@@ -86,7 +87,7 @@ class AxisEffect:
         """Line about an axis that changed nothing; empty: it did, or no trials differ in it alone."""
         if self._first is None or not self._pairs:
             return ""
-        pairs = f"{self._pairs} pair{'' if self._pairs == 1 else 's'}"
+        pairs = counted(self._pairs, "pair")
         return (
             f"axis {self._name} changed nothing: {pairs} of trials that differ in it alone went through the same states"
         )

@@ -14,6 +14,7 @@ import jinja2
 from markupsafe import Markup
 from PIL import Image, ImageDraw, ImageFont
 
+from ....schemas.wire.common import counted
 from ....schemas.worlds.world import World
 from ..floorplans.plan_signature import signature_of
 from ..proofs.guarantees import violations
@@ -117,7 +118,7 @@ class SheetWorld:
     def verdict_text(self) -> str:
         """Verdict on a world in words, as the contact sheet shows it: `2 guarantees broken`."""
         if self.verdict == "broken":
-            return f"{len(self.problems)} guarantee{'s' if len(self.problems) != 1 else ''} broken"
+            return f"{counted(len(self.problems), 'guarantee')} broken"
         return _WORDS[self.verdict]
 
 
@@ -236,7 +237,7 @@ def _tile(
 
 
 def _rooms(world: SheetWorld) -> str:
-    return f"{len(world.rooms)} rooms: {', '.join(world.rooms)}" if world.rooms else ""
+    return f"{counted(len(world.rooms), 'room')}: {', '.join(world.rooms)}" if world.rooms else ""
 
 
 def _measures(world: SheetWorld) -> str:

@@ -14,6 +14,7 @@ from typing import Any
 from markupsafe import Markup
 from trimesh import resources
 
+from ....schemas.wire.common import counted
 from ....schemas.worlds.world import PREVIEW_FILE, Room, World, bounds
 from ..bundle.bundle import PLAN_FILE, read_world
 from ..exports.glb import world_glb
@@ -74,8 +75,8 @@ def _lines(world: World) -> list[str]:
     rooms = world.floorplan.rooms
     loose = sum(item.movable for item in world.furniture)
     return [
-        f"{len(rooms)} rooms, {sum(room.floor_m2 for room in rooms):.1f} m²",
-        f"{len(world.furniture) - loose} pieces of furniture, {loose} loose objects",
+        f"{counted(len(rooms), 'room')}, {sum(room.floor_m2 for room in rooms):.1f} m²",
+        f"{len(world.furniture) - loose} pieces of furniture, {counted(loose, 'loose object')}",
     ]
 
 

@@ -112,7 +112,7 @@ def test_worlds_and_runs_are_started_and_failed_jobs_run_again(
         page.wait_for_text("Goes on also when this page is closed")
         check_rules(page, axe)
         page.load(f"{console}/runs", 400)
-        page.wait_for_text("running", "0 of 1 steps ended")
+        page.wait_for_text("running", "0 of 1 step ended")
         check_rules(page, axe)
         page.load(run, 400)
         page.wait_for_text("of 2 jobs ended")  # its batch, live
@@ -121,7 +121,7 @@ def test_worlds_and_runs_are_started_and_failed_jobs_run_again(
         check_rules(page, axe)
         page.evaluate("document.querySelector('.act').open = true")
         press(page, ".act button")
-        page.wait_for_text("Run it again", "0 of 1 jobs passed", "rerun")
+        page.wait_for_text("Run it again", "0 of 1 job passed", "rerun")
         assert page.address != run
 
         page.load(run, 1280)

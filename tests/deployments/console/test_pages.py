@@ -60,6 +60,20 @@ def test_a_jobs_axes_are_shown_as_they_were_written(browser: Any, store_job: Sto
     assert job in browser.get("/console/jobs?tag=robomaker%3Aaxis%3Astop%3D%3D30.5").text
 
 
+def test_a_world_that_is_the_value_of_an_axis_has_its_name(browser: Any, store_job: StoreJob, service: Service) -> None:
+    world_id = "generation-82856b0yq33y/world-1"
+    there, gone = service.arn("world", world_id), service.arn("world", "generation-82856b0yq33y/world-2")
+    document = {"templateName": "flat", "bundle": {"bucket": "b", "prefix": "worlds/1"}}
+    service.catalog.create(Resource.new(arn=there, kind="world", id=world_id, document=document), token=None)
+    store_job(verdict="PASS", tags={"robomaker:axis:world": there})
+    store_job(verdict="PASS", tags={"robomaker:axis:world": gone})
+
+    page = browser.get("/console/jobs").text
+    assert "world = flat 1 (generation-82856b0yq33y/world-1)</a>" in page
+    assert "world = generation-82856b0yq33y/world-2</a>" in page
+    assert "world = arn:" not in page
+
+
 def test_the_first_page_shows_what_runs_and_what_failed(
     browser: Any, store_job: StoreJob, store_batch: StoreBatch
 ) -> None:

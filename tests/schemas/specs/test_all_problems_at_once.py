@@ -143,7 +143,7 @@ MISTAKES = [
     Mistake("maximum: 50, default: 4", "maximum: 50, default: four", "61: parameters.worlds.default: is 'four'; it has to be a whole number"),
     Mistake("{type: integer, minimum: 1", "{type: int, minimum: 1", "18: parameters.worlds.type: is 'int'; it has to be 'string', 'integer', 'number' or 'boolean'"),
     Mistake("{enum: [control, treatment], default", "{enum: [control, treatment], defualt", "37: parameters.arm.defualt: is not known; did you mean 'default'?"),
-    Mistake("treatment], default: control", "treatment], default: contrl", "46: parameters.arm.default: is 'contrl'; did you mean 'control'?"),
+    Mistake("treatment], default: control", "treatment], default: contrl", "46: parameters.arm.default: is 'contrl'; it has to be control or treatment; did you mean 'control'?"),
     Mistake("label: {default: flat, pattern: '^[a-z]'}", "label: {default: flat, pattern: '^[a-z'}", "35: parameters.label.pattern: is '^[a-z'; it is no regular expression: unclosed character class"),
     # Steps
     Mistake("operation: CreateRobotApplication\n", "operation: CreateRobotAplication\n", "16: steps.robot.operation: there is no operation 'CreateRobotAplication'; did you mean 'CreateRobotApplication'?"),

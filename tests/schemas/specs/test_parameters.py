@@ -96,17 +96,17 @@ def test_values_of_other_nights_are_not_mixed_up() -> None:
         ({"arm": "a", "q": 3}, "s.yaml:3:1: parameters: there is no parameter 'q'; there are template, worlds, arm"),
         ({}, "s.yaml:6:3: parameters.arm: has neither a value nor a default; give it one: --set arm=…, or arm=… in Python"),
         ({"arm": "c"}, "s.yaml:6:9: parameters.arm: the value given is 'c'; it has to be a or b"),
-        ({"arm": "a", "worlds": 77}, "s.yaml:5:12: parameters.worlds: the value given is 77; it may be at most 50"),
-        ({"arm": "a", "worlds": 0}, "s.yaml:5:12: parameters.worlds: the value given is 0; it has to be at least 1"),
-        ({"arm": "a", "worlds": "7"}, "s.yaml:5:12: parameters.worlds: the value given is '7'; it has to be a whole number"),
-        ({"arm": "a", "worlds": True}, "s.yaml:5:12: parameters.worlds: the value given is true; it has to be a whole number"),
-        ({"arm": "a", "worlds": 1.5}, "s.yaml:5:12: parameters.worlds: the value given is 1.5; it has to be a whole number"),
-        ({"arm": "a", "worlds": None}, "s.yaml:5:12: parameters.worlds: the value given is null; it has to be a whole number"),
-        ({"arm": "a", "worlds": [1]}, "s.yaml:5:12: parameters.worlds: the value given is a list; it has to be a whole number"),
+        ({"arm": "a", "worlds": 77}, "s.yaml:5:12: parameters.worlds: the value given is 77; it has to be a whole number from 1 to 50"),
+        ({"arm": "a", "worlds": 0}, "s.yaml:5:12: parameters.worlds: the value given is 0; it has to be a whole number from 1 to 50"),
+        ({"arm": "a", "worlds": "7"}, "s.yaml:5:12: parameters.worlds: the value given is '7'; it has to be a whole number from 1 to 50"),
+        ({"arm": "a", "worlds": True}, "s.yaml:5:12: parameters.worlds: the value given is true; it has to be a whole number from 1 to 50"),
+        ({"arm": "a", "worlds": 1.5}, "s.yaml:5:12: parameters.worlds: the value given is 1.5; it has to be a whole number from 1 to 50"),
+        ({"arm": "a", "worlds": None}, "s.yaml:5:12: parameters.worlds: the value given is null; it has to be a whole number from 1 to 50"),
+        ({"arm": "a", "worlds": [1]}, "s.yaml:5:12: parameters.worlds: the value given is a list; it has to be a whole number from 1 to 50"),
         ({"arm": "a", "template": 7}, "s.yaml:4:14: parameters.template: the value given is 7; it has to be text; put it in quotes: \"7\""),
         ({"arm": "a", "template": "x" * 3000}, f"s.yaml:4:14: parameters.template: the value given is '{'x' * 69}… (3002 characters); its length may be at most 2000"),
         ({"arm": "a", "template": "x\0"}, "s.yaml:4:14: parameters.template: the value given is 'x\\x00'; it may not hold the character U+0000"),
-        ({"arm": "a", "worlds": AsText("many")}, "s.yaml:5:12: parameters.worlds: the value given is 'many'; it has to be a whole number"),
+        ({"arm": "a", "worlds": AsText("many")}, "s.yaml:5:12: parameters.worlds: the value given is 'many'; it has to be a whole number from 1 to 50"),
     ],
 )  # fmt: skip
 def test_a_value_that_is_not_allowed_is_told_with_the_place_of_its_declaration(
@@ -120,7 +120,7 @@ def test_a_value_from_a_file_is_told_with_its_place_there() -> None:
     assert isinstance(values, MappingNode)
 
     assert problems(SPEC, **values.entries) == [
-        "values.yaml:2:9: parameters.worlds: the value given is 99; it may be at most 50"
+        "values.yaml:2:9: parameters.worlds: the value given is 99; it has to be a whole number from 1 to 50"
     ]
 
 
@@ -139,10 +139,10 @@ def test_what_a_value_breaks_is_told_where_it_is_used() -> None:
         ("{type: text}", "parameters.more.type: is 'text'; it has to be 'string', 'integer', 'number' or 'boolean'"),
         ("{typ: string, default: x}", "parameters.more.typ: is not known; did you mean 'type'?"),
         ("{type: integer, default: many}", "parameters.more.default: is 'many'; it has to be a whole number"),
-        ("{type: integer, default: 0, minimum: 1}", "parameters.more.default: is 0; it has to be at least 1"),
+        ("{type: integer, default: 0, minimum: 1}", "parameters.more.default: is 0; it has to be a whole number, at least 1"),
         ("{default: [1]}", "parameters.more.default: is a list; it has to be text"),
-        ("{type: number, default: x, enum: [1.5, 2]}", "parameters.more.default: is 'x'; it has to be a finite number"),
-        ("{enum: [fast, slow], default: fats}", "parameters.more.default: is 'fats'; did you mean 'fast'?"),
+        ("{type: number, default: x, enum: [1.5, 2]}", "parameters.more.default: is 'x'; it has to be 1.5 or 2"),
+        ("{enum: [fast, slow], default: fats}", "parameters.more.default: is 'fats'; it has to be fast or slow; did you mean 'fast'?"),
         ("{enum: []}", "parameters.more.enum: is an empty list; its length has to be at least 1"),
         ("{enum: [a, a]}", "parameters.more.enum[1]: is 'a', which is there twice; remove one"),
         ("{type: integer, enum: [1, b]}", "parameters.more.enum[1]: is 'b'; it has to be a whole number"),
@@ -150,7 +150,7 @@ def test_what_a_value_breaks_is_told_where_it_is_used() -> None:
         ("{type: number, minimum: 3, maximum: 2}", "parameters.more.minimum: is 3; it may be at most the maximum, 2"),
         ("{type: integer, pattern: x}", "parameters.more.pattern: is for the type string, and this is integer; remove it, or change the type"),
         ("{pattern: '('}", "parameters.more.pattern: is '('; it is no regular expression: unclosed group"),
-        ("{pattern: '^a', default: ba}", "parameters.more.default: is 'ba'; it has to match ^a"),
+        ("{pattern: '^a', default: ba}", "parameters.more.default: is 'ba'; it has to be text that matches ^a"),
     ],
 )  # fmt: skip
 def test_a_declaration_that_makes_no_sense_is_told_at_its_member(declaration: str, problem: str) -> None:
@@ -263,7 +263,7 @@ def test_no_step_and_no_variable_may_be_named_parameters() -> None:
 def test_parameters_that_nothing_uses_are_fine_and_their_values_are_checked_all_the_same() -> None:
     text = declaring("{type: integer, default: 3, maximum: 5}")
     assert load_spec(text, "s.yaml", {"arm": "a"}).parameters["more"] == 3
-    assert "it may be at most 5" in problems(text, arm="a", more=6)[0]
+    assert "it has to be a whole number, at most 5" in problems(text, arm="a", more=6)[0]
 
 
 def test_types_come_from_choices_or_the_default() -> None:
@@ -297,7 +297,7 @@ def test_a_whole_number_may_come_as_json_writes_it() -> None:
 def test_a_check_that_is_not_complete_says_what_is_missing_and_checks_the_rest() -> None:
     spec = load_spec(SPEC, "s.yaml", is_complete=False)
     assert spec.missing == ("arm",)
-    with pytest.raises(SpecError, match="it may be at most 50"):
+    with pytest.raises(SpecError, match="from 1 to 50"):
         load_spec(SPEC, "s.yaml", {"worlds": 77}, is_complete=False)
 
 

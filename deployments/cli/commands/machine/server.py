@@ -82,6 +82,8 @@ def _users(settings: "Settings") -> list[str]:
     from prefect.client.schemas.objects import StateType
     from prefect.exceptions import PrefectException
 
+    from .....schemas.wire.common import counted
+
     secret = client_variables(str(status.api_url), settings, without_profile).get(_SECRET)
     running = filters.FlowRunFilterState(type=filters.FlowRunFilterStateType(any_=[StateType.RUNNING]))
     top = filters.FlowRunFilterParentTaskRunId(is_null_=True)
@@ -94,7 +96,7 @@ def _users(settings: "Settings") -> list[str]:
         return []
     online = [each.name for each in workers if each.status == "ONLINE"]
     names = [f"the run {run.name}" for run in runs[:_MOST_NAMED]]
-    names += [f"{len(runs) - _MOST_NAMED} more runs"] if len(runs) > _MOST_NAMED else []
+    names += [counted(len(runs) - _MOST_NAMED, "more run")] if len(runs) > _MOST_NAMED else []
     return [*names, *(f"the Prefect worker {name}" for name in online)]
 
 

@@ -142,6 +142,7 @@ def _cell(given: str, record: "RunRecord") -> tuple["StepAxis", int]:
     Raises:
         ConfigurationError: The run has no such axis or value, several steps have one, or several values look alike.
     """
+    from .....schemas.wire.common import counted
     from .....tasks.comparison.side_by_side import axes_of
 
     axes = axes_of(record.jobs)
@@ -149,7 +150,7 @@ def _cell(given: str, record: "RunRecord") -> tuple["StepAxis", int]:
     found = [axis for axis in axes if name in (axis.name, f"{axis.step}.{axis.name}")]
     if len(found) != 1:
         known = ", ".join(f"{axis.step}.{axis.name}" for axis in axes) or "none of two values or more"
-        problem = f"is of {len(found)} steps" if found else "is no axis"
+        problem = f"is of {counted(len(found), 'step')}" if found else "is no axis"
         raise ConfigurationError(f"--axis is {given!r}: {name!r} {problem} of {record.run_id}; it has {known}")
     [axis] = found
     if value not in axis.titles[1:]:

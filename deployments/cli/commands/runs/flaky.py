@@ -50,7 +50,9 @@ def execute(arguments: argparse.Namespace) -> int:
         sys.stdout.write(f"nothing to run again: no job of the run {record.run_id} has failed\n")
         return 0
     took_s = sum(job.duration_s or 0.0 for job in jobs)
-    count = f"{len(jobs)} job{'s' if len(jobs) != 1 else ''}"
+    from .....schemas.wire.common import counted
+
+    count = counted(len(jobs), "job")
     sys.stderr.write(f"{count}, up to {most} reruns of each: about {most * took_s:.0f} s at most\n")
     found = FlakyJobs(run_id=record.run_id, jobs=[])
     for job in jobs:

@@ -74,20 +74,18 @@ def _seen_to(kept: "KeptOutputs", service: "Service", *, dry_run: bool) -> "Kept
 def _lines(report: "KeptReport") -> list[str]:
     from rich.filesize import decimal
 
+    from .....schemas.wire.common import counted
+
     lines: list[str] = []
     for run in report.runs:
-        size = f"{run.files} {_plural('file', run.files)}, {decimal(run.size_bytes)}"
+        size = f"{counted(run.files, 'file')}, {decimal(run.size_bytes)}"
         what = f"{run.job.rpartition('/')[2]}  {run.run_id}  {size}"
         where = f"stored in {run.place}" if run.place else f"kept in {run.folder}"
         lines += [f"{what}  {where}", *([f"! not stored: {run.problem}"] if run.problem else [])]
     if not report.runs:
         return ["No outputs are kept: all that ran is stored, or was never written on this machine."]
-    runs = f"{len(report.runs)} {_plural('run', len(report.runs))}"
+    runs = counted(len(report.runs), "run")
     stored = sum(run.state == "stored" for run in report.runs)
     if report.dry_run:
         return [*lines, f"{runs}; `robomaker upload --kept` stores them."]
     return [*lines, f"Stored the outputs of {stored} of {runs}."]
-
-
-def _plural(word: str, count: int) -> str:
-    return word if count == 1 else f"{word}s"

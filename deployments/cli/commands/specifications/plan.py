@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Literal
 from .....schemas.wire.errors import ConfigurationError
 from ...arguments import add_backend, add_output, add_parameters, add_spec, given_options
 from ...inputs.options import open_service, percentage
-from ...output.answers import in_columns, print_either
+from ...output.answers import in_columns, print_either, print_notes
 
 if TYPE_CHECKING:
     from .....schemas.reports.comparison import PlannedPairs
@@ -72,7 +72,8 @@ def execute(arguments: argparse.Namespace) -> int:
 
     _check(arguments)
     asked = _questions(arguments)
-    spec = read_spec(arguments.spec, given_parameters(arguments))
+    spec = read_spec(arguments.spec, given_parameters(arguments), with_code=True)
+    print_notes(spec.notes)
     steps = planned(spec)
     parts = _reuse(spec) if arguments.reuse else {}
     forecast = _forecast(spec, arguments) if arguments.probe else None
@@ -167,14 +168,17 @@ def _lines(
     needed: "list[PlannedPairs]",
 ) -> Iterator[str]:
     from .....schemas.specs.parameter_values import set_options
+    from .....schemas.wire.common import counted
     from ...output.forecast import forecast_lines, needed_lines, reuse_lines, reuse_total
-    from ...planning import after, counted
+    from ...planning import after, sum_in_words
 
     yield f"{spec.name}: {counted(len(steps), 'step')}, one after the other\n"
     rows = [(str(number), step.step, step.operation, after(step), step.detail) for number, step in enumerate(steps, 1)]
     for line, step in zip(in_columns(rows), steps, strict=True):
         yield f"  {line}"
         yield from (f"       {line}" for line in reuse_lines(parts.get(step.step, [])))
+    if total := sum_in_words(steps):
+        yield f"\n{total}"
     if arguments.reuse:
         yield f"\n{reuse_total(parts)}"
     if forecast is not None:

@@ -1,7 +1,9 @@
 """Check specifications without running anything.
 
 Every problem is printed as file:line:column: path: message, and all of a file at once. A note is about what may be
-wrong, and no problem: an application that only the catalog may know. docs/specification.md has the language.
+wrong, and no problem: an application that only the catalog may know, or an archive or package that is not on this
+machine. The code of archives and packages that are here is read, and not imported: functions that jobs start, and
+`robot.yaml`. docs/specification.md has the language.
 """
 
 import argparse
@@ -11,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from .....schemas.wire.errors import ConfigurationError, Problem, SpecError
 from ...arguments import add_output, add_parameters
-from ...output.answers import print_problems
+from ...output.answers import print_notes, print_problems
 
 if TYPE_CHECKING:
     from .....schemas.specs.specification import CheckedSpec
@@ -42,7 +44,7 @@ def execute(arguments: argparse.Namespace) -> int:
     notes: list[Problem] = []
     for path in arguments.specs:
         try:
-            spec = read_spec(path, given, is_complete=False)
+            spec = read_spec(path, given, is_complete=False, with_code=True)
             notes += spec.notes
             answers.append({"file": path, "valid": True, **_described(spec)})
         except SpecError as error:
@@ -62,8 +64,7 @@ def execute(arguments: argparse.Namespace) -> int:
         sys.stdout.flush()
         if problems:
             print_problems(problems)
-        for note in notes:
-            sys.stderr.write(f"{note.place}: {note.path}: note: {note.message}\n")
+        print_notes(notes)
     return 0 if all(answer["valid"] for answer in answers) else ConfigurationError.exit_code
 
 
@@ -84,7 +85,7 @@ def _described(spec: "CheckedSpec") -> dict[str, Any]:
 
 def _in_a_line(answer: dict[str, Any]) -> str:
     """Describes a file without problems: `valid, 3 steps, 12 simulation jobs; each run needs --set for arm`."""
-    from ...planning import counted
+    from .....schemas.wire.common import counted
 
     jobs, missing = answer.get("jobs_of_axes"), answer.get("missing_parameters")
     made = f", {counted(jobs, 'simulation job')}" if jobs is not None else ""

@@ -8,6 +8,7 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
+from .....schemas.wire.common import counted
 from ....cli.arguments import add_output
 from ....cli.inputs.options import open_service
 from ....cli.output.answers import in_columns, print_either
@@ -46,7 +47,7 @@ def _row(change: "PlannedChange") -> tuple[str, ...]:
 
 
 def _remarks(plan: "DryRun") -> list[str]:
-    remarks = [f"{plan.at_once} of {len(plan.changes)} robots at the same time."]
+    remarks = [f"{plan.at_once} of {counted(len(plan.changes), 'robot')} at the same time."]
     if plan.requires_approval:
         has_canaries = any(change.is_canary for change in plan.changes)
         remarks.append("Waits for approval " + ("after the canaries." if has_canaries else "before the first robot."))

@@ -7,7 +7,7 @@ import sys
 from functools import cached_property
 from pathlib import Path
 
-from .....schemas.runs.variables import number_in
+from .....schemas.runs.variables import TIME_LIMIT_VARIABLE, number_in
 from .....schemas.wire.errors import LaunchError
 from .....schemas.worlds.world import World
 from ...axes.imperfections import CommandDelay, CommandGains, LidarErrors, OdometryErrors, WheelSlip
@@ -21,8 +21,6 @@ from ...robots.scout import SCOUT
 from .navigation_task import NavigationTask
 from .telemetry import frames_of_bodies
 from .world_with_robot import ScenePhysics, assemble
-
-TIME_LIMIT_VARIABLE = "ROBOMAKER_SIM_TIME_LIMIT_S"
 
 _logger = logging.getLogger(__name__)
 

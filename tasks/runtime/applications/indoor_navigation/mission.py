@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from .....schemas.runs.plan import Collision, Requirement, RoomVisit
+from .....schemas.wire.common import counted
 from .....schemas.worlds.world import Room, bounds, contains
 from ...episode.context import KeepsAttributes
 from ...episode.physics import ContactForces, can_touch, geom_names, robot_geoms
@@ -108,7 +109,7 @@ class Mission(KeepsAttributes):
         if not can_touch:
             requirements = [_never_touches(item) if item.name == _NO_HARD_COLLISION else item for item in requirements]
         missed = [requirement for requirement in requirements if not requirement.satisfied]
-        progress = f"{self.visited_count} of {len(self._rooms)} rooms visited in {time_s:.1f} s"
+        progress = f"{self.visited_count} of {counted(len(self._rooms), 'room')} visited in {time_s:.1f} s"
         return EnvironmentReport(
             verdict="FAIL" if missed else "PASS",
             summary=f"{progress}; failed: {'; '.join(item.detail for item in missed)}." if missed else f"{progress}.",
@@ -134,11 +135,12 @@ class Mission(KeepsAttributes):
         unseen = [room.name for room, at in zip(self._rooms, self.first_visit_s, strict=True) if at is None]
         # Time is no requirement of its own: a job that switches `rooms_visited` off has no rooms to be in time for.
         late = f"; the time limit of {self.time_limit_s:g} s was reached" if time_s >= self.time_limit_s - 1e-6 else ""
+        rooms = counted(len(self._rooms), "room")
         return [
             Requirement(
                 name="rooms_visited",
                 satisfied=not unseen,
-                detail=f"not visited: {', '.join(unseen)}{late}" if unseen else f"all {len(self._rooms)} rooms visited",
+                detail=f"not visited: {', '.join(unseen)}" if unseen else f"all {rooms} visited",
             ),
             Requirement(
                 name=_NO_HARD_COLLISION,

@@ -8,7 +8,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from .....schemas.specs.yaml_nodes import MappingNode, child, key_place, parse, plain, value_place
-from .....schemas.wire.errors import LaunchError, SpecError
+from .....schemas.wire.errors import LaunchError, Problem, SpecError
 from .....schemas.wire.request_problems import problems_of
 from .shape import ROBOT_MODELS, RobotModel, robot_model_type
 
@@ -72,14 +72,30 @@ def read_mapping(path: Path) -> RobotModel:
     Raises:
         LaunchError: With everything that is wrong: file, line, member, value and what would be right.
     """
+    mapping, problems = check_mapping(path)
+    if mapping is None:
+        raise LaunchError("; ".join(map(str, problems)), INVALID_ROBOT)
+    return mapping
+
+
+def check_mapping(path: Path) -> tuple[RobotModel | None, list[Problem]]:
+    """Reads a `robot.yaml` file; returns what it says, or `None` and everything that is wrong.
+
+    Args:
+        path: Path of `robot.yaml`.
+
+    Raises:
+        LaunchError: The file cannot be read.
+    """
     try:
         root = parse(path.read_text(encoding="utf-8"), path.name)
     except (OSError, UnicodeDecodeError) as cause:
         raise invalid(path, f"it cannot be read: {cause}") from cause
     except SpecError as cause:
-        raise LaunchError(str(cause), INVALID_ROBOT) from cause
+        return None, cause.problems
     if not isinstance(root, MappingNode):
-        raise invalid(path.name, "it has to be a mapping with version, model, base, footprint, spawn and drive")
+        words = "it has to be a mapping with version, model, base, footprint, spawn and drive"
+        return None, [Problem(root.place, "", words)]
     drive = root.entries.get("drive")
     kind = child(drive, "kind") if drive is not None else None
     kinds = ", ".join(ROBOT_MODELS)
@@ -88,15 +104,14 @@ def read_mapping(path: Path) -> RobotModel:
         said = (
             "is missing" if kind is None else f"is {plain(kind)!r}; {alternatives(str(plain(kind)), ROBOT_MODELS, '')}"
         )
-        raise invalid(place, f"drive.kind: {said}; there are {kinds}")
+        return None, [Problem(place, "drive.kind", f"{said}; there are {kinds}")]
     document = plain(root)
     model = robot_model_type(document)
     try:
-        return model.model_validate(document)
+        return model.model_validate(document), []
     except ValidationError as error:
         found = [
-            ((key_place if each.about_key else value_place)(root, each.location), each)
+            Problem((key_place if each.about_key else value_place)(root, each.location), each.path, each.message)
             for each in problems_of(error, model)
         ]
-        texts = [f"{place}: {each}" for place, each in sorted(found, key=lambda item: (item[0].line, item[0].column))]
-        raise LaunchError("; ".join(texts), INVALID_ROBOT) from None
+        return None, sorted(found, key=lambda each: (each.place.line, each.place.column))

@@ -1,11 +1,19 @@
 """Inertial measurement units."""
 
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from .....schemas.wire.base import optional
-from ...recording.cdr import imu
 from .kind import PartName, SensorKind
+
+if TYPE_CHECKING:
+    from ...recording.cdr import Columns
+
+
+def _columns(frame: str) -> "Columns":
+    from ...recording.cdr import imu  # it brings numpy and the types of ROS
+
+    return imu(frame)
 
 
 class Imu(SensorKind):
@@ -15,7 +23,7 @@ class Imu(SensorKind):
     parts: ClassVar[Mapping[str, str]] = {"gyro": "GYRO", "accelerometer": "ACCELEROMETER"}
     units = "gyro rad/s, accelerometer m/s^2"
     topic = "/imu"
-    columns = imu
+    columns = _columns
 
     at: PartName | None = optional("Site or body (link) that gets a gyro and an accelerometer.")
     gyro: PartName | None = optional("Name of the model's gyro instead.")

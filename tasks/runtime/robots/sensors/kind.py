@@ -1,14 +1,16 @@
 """Base class of the kinds of sensors."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
 
 from pydantic import Field
 
 from .....schemas.wire.base import Model, optional
-from ...recording.cdr import Columns
-from ...recording.messages import Header
-from ...recording.recording import Frames
+from ...recording.frames import Frames
+
+if TYPE_CHECKING:  # they bring numpy and the types of ROS, which take longer than to read a robot.yaml
+    from ...recording.cdr import Columns
+    from ...recording.messages import Header
 
 OBSERVED = frozenset(
     [
@@ -68,7 +70,7 @@ class SensorKind(Model):
     topic: ClassVar[str] = ""
     """ROS topic of the sensor's messages in recordings; empty: there is none."""
 
-    columns: ClassVar[Callable[[str], Columns] | None] = None
+    columns: ClassVar["Callable[[str], Columns] | None"] = None
     """Function that makes the message template of a frame; its numbers are an attitude x, y, z, w, then a reading."""
 
     at: PartName | None = optional("Site or body (link) that gets a new one.")
@@ -79,7 +81,7 @@ class SensorKind(Model):
         return tuple(f"{self.name}_{part}" for part in self.parts)
 
     @classmethod
-    def message(cls, header: Header, numbers: Sequence[float]) -> Any:
+    def message(cls, header: "Header", numbers: Sequence[float]) -> Any:
         """Returns the ROS message of a reading; to be overridden by kinds of sensors with a topic.
 
         Args:

@@ -74,6 +74,16 @@ def test_applications_that_do_not_exist_are_told_beside_the_text(enter: Enter, r
     assert runs.orders == []
 
 
+def test_a_confined_key_is_not_told_names_of_worlds(enter: Enter, runs: Any) -> None:
+    text = "operation: DescribeWorld\nworld: flat 1\n"
+    for key, code in ((None, 400), (RED, 403)):
+        answer = (enter() if key is None else enter(key)).send("/runs/new", text=text, do="start")
+        assert answer.status_code == code
+        assert ("is neither ARN, id nor name" in answer.text) == (key is None)
+        assert ("may name worlds by ARNs only" in answer.text) == (key is not None)
+    assert runs.orders == []
+
+
 def test_checking_orders_nothing(enter: Enter, runs: Any) -> None:
     answer = enter().send("/runs/new", text=QUICKSTART, do="check")
     assert (answer.status_code, "valid" in answer.text) == (200, True)
@@ -251,7 +261,10 @@ def test_a_run_is_ordered_with_the_values_of_the_form(enter: Enter, runs: Any) -
     [
         ({}, "has neither a value nor a default"),
         ({"parameter.arm": "c"}, "the value given is &#39;c&#39;; it has to be a or b"),
-        ({"parameter.arm": "a", "parameter.worlds": "0"}, "the value given is &#39;0&#39;; it has to be at least 1"),
+        (
+            {"parameter.arm": "a", "parameter.worlds": "0"},
+            "the value given is &#39;0&#39;; it has to be a whole number, at least 1",
+        ),
     ],
 )
 def test_nothing_is_ordered_with_wrong_values(enter: Enter, runs: Any, fields: dict[str, str], problem: str) -> None:

@@ -82,7 +82,7 @@ def test_one_job_that_did_not_pass_is_named(
     ("batch", "says"),
     [
         ({"failed": 1}, r"request 1 of the required batch .* never became a job: no such world"),
-        ({"missing": 1}, r"has 1 jobs of 2 requests"),
+        ({"missing": 1}, r"has 1 job of 2 requests"),
         ({"status": "TimedOut"}, r"is TimedOut"),
         ({"status": "Canceled"}, r"is Canceled"),
         ({"status": "Failed"}, r"is Failed"),

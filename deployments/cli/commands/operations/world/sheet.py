@@ -79,8 +79,8 @@ def job_sheet(job: "Resource", service: "Service") -> "Sheet":
 
 
 def _lines(job: "Resource", shown: "list[SheetWorld]") -> tuple[str, ...]:
+    from ......schemas.wire.common import counted
     from ......tasks.worldforge.viewer.contact_sheet import plan_numbers
-    from ....planning import counted
 
     document = WorldGenerationJobDocument.of(job)
     requested = document.request.world_count.total

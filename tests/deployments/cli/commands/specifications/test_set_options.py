@@ -48,7 +48,9 @@ def test_validate_says_which_values_each_run_needs(robomaker: Robomaker, path: P
 def test_wrong_values_are_told_with_their_place(robomaker: Robomaker, path: Path, command: str) -> None:
     ended = robomaker(command, path, "--set", "arm=a", "--set", "worlds=77")
     assert ended.code == 2
-    assert f"{path}:5:12: parameters.worlds: the value given is 77; it may be at most 50" in ended.err
+    assert (
+        f"{path}:5:12: parameters.worlds: the value given is 77; it has to be a whole number from 1 to 50" in ended.err
+    )
 
     ended = robomaker(command, path, "--set", "arm=a", "--set", "wolrds=7")
     assert ended.code == 2
@@ -86,7 +88,10 @@ def test_a_file_has_values_which_set_overrides_and_its_mistakes_have_a_place(
 
     values.write_text("arm: b\nworlds: many\n")
     ended = robomaker("plan", path, "--parameters", values)
-    assert f"{values}:2:9: parameters.worlds: the value given is 'many'; it has to be a whole number" in ended.err
+    assert (
+        f"{values}:2:9: parameters.worlds: the value given is 'many'; it has to be a whole number from 1 to 50"
+        in ended.err
+    )
     values.write_text("[1]")
     assert f"{values}:1:1: values of parameters are a mapping" in robomaker("plan", path, "--parameters", values).err
     assert "no-such.yaml: no such file" in robomaker("plan", path, "--parameters", "no-such.yaml").err

@@ -6,6 +6,10 @@ from pathlib import Path
 import pytest
 from helpers.paths import REPOSITORY
 
+from prefect_robomaker.schemas.reports.names import name_label
+from prefect_robomaker.tasks.catalog import Resource
+from prefect_robomaker.tasks.service.service import Service
+
 SPECS = REPOSITORY / "deployments" / "specs"
 WRONG = "version: 1\nname: wrong\nsteps:\n  first: {operation: DescribeWorld, input: {wrld: 'arn:1'}}\n"
 
@@ -98,6 +102,38 @@ def test_a_plan_shows_order_and_amounts(robomaker) -> None:
     assert lines[5].endswith(
         "4 simulation jobs, one for each world, 2 at a time, at most 5 min each, at most 30 min for all"
     )
+
+
+TRIALS = """\
+version: 1
+name: trials
+steps:
+  drive:
+    operation: StartSimulationJobBatch
+    input:
+      createSimulationJobRequests:
+        seeds: 3
+        value:
+          maxJobDurationInSeconds: 60
+          robotApplications: [{application: scout, launchConfig: {}}]
+          simulationApplications:
+            - application: indoor-navigation
+              launchConfig: {environmentVariables: {ROBOMAKER_SIM_TIME_LIMIT_S: "20"}}
+          trials: {seeds: 2, axes: {noise: {kind: lidar_noise_std_m, values: [0.01, 0.02]}}}
+"""
+
+
+def test_a_plan_says_how_many_trials_each_job_has_and_all_together(robomaker, spec) -> None:
+    told = robomaker("plan", spec(TRIALS)).out
+    assert "3 simulation jobs, one for each seed, 4 trials each, at most 1 min each" in told
+    assert "\nin sum 3 simulation jobs × 4 trials = 12 trials, at most 4 min of simulated time\n" in told
+
+    # A limit that a trial varies, or that another simulation may ignore, is not known; jobs without trials have one.
+    varied = TRIALS.replace("axes: {", 'axes: {ROBOMAKER_SIM_TIME_LIMIT_S: {kind: variable, values: ["9", "99"]}, ')
+    assert "× 8 trials = 24 trials\n" in robomaker("plan", spec(varied)).out
+    assert "= 12 trials\n" in robomaker("plan", spec(TRIALS.replace("indoor-navigation", "arena"))).out
+    single = TRIALS.replace(TRIALS.splitlines()[-1], "")
+    assert "in sum 3 simulation jobs, 3 trials, at most 1 min of simulated time" in robomaker("plan", spec(single)).out
 
 
 def test_a_plan_as_json(robomaker) -> None:
@@ -273,3 +309,27 @@ steps:
     assert ended.code == 2
     assert "steps.stop.input: CancelSimulationJob changes what is there already" in ended.err
     assert not home.exists()
+
+
+NAMED = "version: 1\nname: named\nsteps:\n  look: {operation: DescribeWorld, input: {world: flat 2}}\n"
+
+
+def test_worlds_may_be_named_as_the_command_line_names_them(robomaker, spec, service: Service) -> None:
+    for number in (1, 2):
+        world_id = f"generation-82856b0yq33y/world-{number}"
+        labels = name_label(f"flat {number}")
+        document = {"templateName": "flat", "bundle": {"bucket": "b", "prefix": f"worlds/{number}"}}
+        world = Resource.new(
+            arn=service.arn("world", world_id), kind="world", id=world_id, labels=labels, document=document
+        )
+        service.catalog.create(world, token=None)
+    for name in ("flat 2", "generation-82856b0yq33y/world-2", "8285/world-2"):
+        assert robomaker("validate", spec(NAMED.replace("flat 2", name))).code == 0
+        assert robomaker("plan", spec(NAMED.replace("flat 2", name))).code == 0
+    for command in ("validate", "plan"):
+        path = spec(NAMED.replace("flat 2", "flat 3"))
+        told = robomaker(command, path)
+        assert told.code == 2
+        assert f"{path}:4:51: steps.look.input.world: 'flat 3' is neither ARN" in told.err
+        assert "did you mean 'flat 2' or 'flat 1'?" in told.err
+    assert "may be any of 2 worlds" in robomaker("validate", spec(NAMED.replace("flat 2", "generation-8285"))).err

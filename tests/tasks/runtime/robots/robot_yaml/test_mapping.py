@@ -67,7 +67,7 @@ def test_every_member_says_what_it_is() -> None:
         ("left: [left]", "left: []", "drive.left: is an empty list; its length has to be at least 1"),
         ("version: 1", "version: 2", "version: is 2; it has to be 1"),
         ("model: cart.xml", "model: cart.xml\nmodel: other.xml", "'model' is there twice"),
-        (GOOD, "- 1", "robot.yaml: it has to be a mapping"),
+        (GOOD, "- 1", "robot.yaml:1:1: it has to be a mapping"),
         (GOOD, "a: [", "this is not YAML"),
     ],
 )
