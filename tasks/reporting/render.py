@@ -19,8 +19,8 @@ from ...schemas.reports.history import History
 from ...schemas.reports.report import Report
 from ...schemas.specs.parameter_values import value_in_words, values_in_words
 from ...schemas.wings import parts_of_wings
-from ..files.whole_files import write_whole
 from ...schemas.wire.common import counted
+from ..files.whole_files import write_whole
 from ..results.table import ResultTable
 from . import outcomes
 from .nights.changes import (

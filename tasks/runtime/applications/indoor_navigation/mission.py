@@ -140,7 +140,7 @@ class Mission(KeepsAttributes):
             Requirement(
                 name="rooms_visited",
                 satisfied=not unseen,
-                detail=f"not visited: {', '.join(unseen)}" if unseen else f"all {rooms} visited",
+                detail=f"not visited: {', '.join(unseen)}{late}" if unseen else f"all {rooms} visited",
             ),
             Requirement(
                 name=_NO_HARD_COLLISION,
