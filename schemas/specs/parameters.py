@@ -25,7 +25,7 @@ from ..runs.variables import secret_names
 from ..wire.base import Model, optional
 from ..wire.errors import Place
 from ..wire.json_values import is_list, is_object
-from ..wire.request_problems import Location, nearest, some
+from ..wire.request_problems import Location, first_words, nearest
 from .parameter_values import ParameterValue, value_in_words
 from .reference_typing import BOOLEAN, NUMBER, TEXT, WHOLE_NUMBER, Kind, Record
 from .references import PARAMETERS
@@ -243,7 +243,7 @@ def kind_of_parameters(declared: Mapping[str, Parameter], others: Mapping[str, K
 
 
 def _unknown(name: str, value: Any, known: Collection[str]) -> ValueProblem:
-    there = f"; there are {some(known)}" if known else "; the specification declares none"
+    there = f"; there are {first_words(known)}" if known else "; the specification declares none"
     words = f"there is no parameter {name!r}{nearest(name, known) or there}"
     return ValueProblem((PARAMETERS,), words, about_key=True, place=_place_of(value))
 
@@ -297,7 +297,9 @@ def _wanted(value: Any, declared: Parameter) -> str:
 
 
 def _one_of(choices: list[str]) -> str:
-    return f"it has to be {' or '.join(choices)}" if len(choices) <= 3 else f"it has to be one of {some(choices)}"
+    return (
+        f"it has to be {' or '.join(choices)}" if len(choices) <= 3 else f"it has to be one of {first_words(choices)}"
+    )
 
 
 def _is_of_type(value: Any, kind: ValueType) -> bool:
