@@ -362,7 +362,7 @@ def check_sandbox(settings: Settings) -> Finding:
 def check_left_behind(settings: Settings) -> Finding:
     """Checks for folders and limits left behind by processes that died; warns of each, and removes nothing."""
     from ...tasks.jobs.job_folders import overtaken_runs
-    from ...tasks.runtime.process.rehearsal_rooms import left_rooms
+    from ...tasks.runtime.process.rehearsal_folders import abandoned_folders
     from ...tasks.service.service import Service
     from ..flow_run_history import collect_limits
 
@@ -372,7 +372,7 @@ def check_left_behind(settings: Settings) -> Finding:
             f"the concurrency limit {name}: its batch has ended"
             for name in collect_limits(settings, service, act=False)
         ]
-    left += [f"{room}: the job worker that rehearsed there was killed" for room in left_rooms()]
+    left += [f"{folder}: the job worker that rehearsed there was killed" for folder in abandoned_folders()]
     if left:
         return Finding(
             "left behind", "warning", "\n".join(left), "`robomaker gc`, and job workers that start, remove them"

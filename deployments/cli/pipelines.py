@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...schemas.reports.against import Against
+from ...schemas.reports.live_comparison import Against
 from ...schemas.reports.progress import Note, ProgressListener
 from ...schemas.reports.run_record import RunRecord
 from ...schemas.settings import Settings

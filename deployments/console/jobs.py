@@ -17,7 +17,7 @@ from ...schemas.runs.provenance import PROVENANCE_FILE
 from ...schemas.wire.common import without_escapes
 from ...schemas.wire.globs import Glob
 from ...tasks.catalog import Resource
-from ...tasks.files.left_files import open_left
+from ...tasks.files.untrusted_files import open_left
 from ...tasks.inspection.reports import report_of_job
 from ...tasks.jobs.job_owners import standing_of
 from ...tasks.reporting import view_report

@@ -9,7 +9,7 @@ from markupsafe import Markup
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.wire.errors import RobomakerError
 from ...schemas.wire.globs import Glob
-from ...tasks.files.left_files import open_left
+from ...tasks.files.untrusted_files import open_left
 from ...tasks.inspection.reports import report_of_world
 from ...tasks.reporting import WorldView, draw_drive, draw_open_plan, view_worlds
 from ...tasks.runtime.episode.progress import PATH_FILE, points_of

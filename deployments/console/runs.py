@@ -12,8 +12,8 @@ from urllib.parse import quote, unquote
 
 from starlette.responses import HTMLResponse, Response
 
-from ...schemas.reports.against import in_words
 from ...schemas.reports.changes import SinceLastRun
+from ...schemas.reports.live_comparison import in_words
 from ...schemas.reports.names import newest_first
 from ...schemas.reports.run_record import JobRecord, RunRecord
 from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException

@@ -14,7 +14,7 @@ from ...schemas.reports.run_record import CaseOutcome, JobRecord
 from ...schemas.reports.run_states import case_outcome
 from ...schemas.runs.plan import Requirement, RunResult, Verdict
 from ...schemas.wire.errors import ObjectNotFoundError, ResourceNotFoundException, RobomakerError
-from ...schemas.wire.request_problems import nearest, some
+from ...schemas.wire.request_problems import first_words, nearest
 from ...tasks.comparison.compared_runs import TRIALS
 from ...tasks.runtime.episode.run_results import RESULT_FILE
 from ...tasks.service.service import Service
@@ -134,7 +134,8 @@ class Job:
         if not self.outputs:
             why = f": {self.reason}" if self.reason else ""
             return f"{self.id} has no output {name!r}: it is {self.status} and has stored nothing{why}"
-        return f"{self.id} has no output {name!r}{nearest(name, self.outputs)}; there are {some(sorted(self.outputs))}"
+        there = first_words(sorted(self.outputs))
+        return f"{self.id} has no output {name!r}{nearest(name, self.outputs)}; there are {there}"
 
     @property
     def _place(self) -> StoredPlace | None:

@@ -7,8 +7,8 @@ from pydantic import Field
 
 from ..runs.requirement_kinds.kind import Requirement
 from ..wire.base import Model, optional
-from .against import Answer
 from .changes import CellName, ChangedInput, Losses, RequirementChange
+from .live_comparison import Answer
 from .run_record import CaseOutcome, SourceCommit
 
 

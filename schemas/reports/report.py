@@ -11,12 +11,12 @@ from ..runs.axis_kinds.kind import Value
 from ..runs.plan import Requirement, RunResult
 from ..runs.programs import Scarce, ToolEnds
 from ..wire.base import Model, optional
-from .against import Answer
 from .causes import AxisEffects, Why
 from .challenge import Challenge
 from .changes import SinceLastRun
 from .comparison import RateChange
 from .forecast import ForecastCheck
+from .live_comparison import Answer
 from .run_record import CaseOutcome as CaseOutcome
 from .run_record import JobInputs
 from .run_record import RunState as RunState

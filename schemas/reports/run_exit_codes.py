@@ -1,7 +1,7 @@
 """Exit codes of runs: by the end of a run, and by the answer of `compare` and `run --against`."""
 
 from ..exit_codes import BROKE, CANCELED, NO_DIFFERENCE, NOT_COMPARABLE, OK, TIMED_OUT, VERDICT_FAILED
-from .against import AgainstAnswer, Answer
+from .live_comparison import AgainstAnswer, Answer
 from .run_record import RunState
 
 EXIT_CODES: dict[RunState, int] = {

@@ -14,9 +14,9 @@ from ..runs.axis_kinds.kind import Value
 from ..runs.plan import Requirement, Verdict
 from ..runs.programs import ApplicationRole
 from ..wire.base import Model, optional
-from .against import Against, AgainstAnswer
 from .challenge import Challenge
 from .forecast import ForecastCheck
+from .live_comparison import Against, AgainstAnswer
 from .names import with_id
 
 RunState = Literal["succeeded", "failed", "broken", "canceled", "timed out"]

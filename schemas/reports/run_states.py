@@ -9,7 +9,7 @@ from ..exit_codes import IN_WORDS
 from ..known_failures import ReportedFailures, idle_failures, known_failure, partly_known
 from ..runs.plan import Verdict
 from ..wire.base import Model, optional
-from .against import in_words as answer_in_words
+from .live_comparison import in_words as answer_in_words
 from .run_record import CaseOutcome, JobRecord, RerunOf, RunRecord, RunState
 
 BAD_ENDS: dict[str, RunState] = {"Failed": "broken", "Canceled": "canceled", "TimedOut": "timed out"}

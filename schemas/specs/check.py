@@ -13,7 +13,7 @@ from ..known_failures import KnownFailure
 from ..operations.registry import STEPS, operation_shape
 from ..wire.errors import Place, Problem, SpecError
 from ..wire.json_values import is_list
-from ..wire.request_problems import Location, closest, nearest, path_text, problems_of, some
+from ..wire.request_problems import Location, closest, first_words, nearest, path_text, problems_of
 from .checking.application_names import application_notes
 from .checking.impossible_goals import room_problems, world_count_problems
 from .checking.inputs import InputCheck
@@ -349,7 +349,7 @@ class _Check:
             if isinstance(each, str) and each not in scope:
                 if not is_step_name(each) or (each == PARAMETERS and self._parameters is ANYTHING):
                     continue  # that has been told already
-                hint = nearest(each, scope) or f"; there are {some(scope)}"
+                hint = nearest(each, scope) or f"; there are {first_words(scope)}"
                 self._report(("steps", name, "needs", position), f"there is no step {each!r}{hint}")
             elif isinstance(each, str):
                 found.add(each)

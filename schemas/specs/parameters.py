@@ -25,7 +25,7 @@ from ..runs.variables import secret_names
 from ..wire.base import Model, optional
 from ..wire.errors import Place
 from ..wire.json_values import is_list, is_object
-from ..wire.request_problems import Location, nearest, some
+from ..wire.request_problems import Location, first_words, nearest
 from .parameter_values import ParameterValue, value_in_words
 from .reference_typing import BOOLEAN, NUMBER, TEXT, WHOLE_NUMBER, Kind, Record
 from .references import PARAMETERS
@@ -242,7 +242,7 @@ def kind_of_parameters(declared: Mapping[str, Parameter], others: Mapping[str, K
 
 
 def _unknown(name: str, value: Any, known: Collection[str]) -> ValueProblem:
-    there = f"; there are {some(known)}" if known else "; the specification declares none"
+    there = f"; there are {first_words(known)}" if known else "; the specification declares none"
     words = f"there is no parameter {name!r}{nearest(name, known) or there}"
     return ValueProblem((PARAMETERS,), words, about_key=True, place=_place_of(value))
 
@@ -293,17 +293,10 @@ def _wanted(value: Any, declared: Parameter) -> str:
     return "" if fits else f"it has to be {_allowed(declared)}"
 
 
-def _allowed(declared: Parameter) -> str:
-    """Describes all allowed values of a parameter: `control or treatment`, `a whole number from 1 to 50`."""
-    if choices := declared.choices:
-        return " or ".join(choices) if len(choices) <= 3 else f"one of {some(choices)}"
-    low, high = declared.minimum, declared.maximum
-    wanted = _WANTED[declared.value_type]
-    if low is not None and high is not None:
-        return f"{wanted} from {low} to {high}"
-    if low is not None or high is not None:
-        return f"{wanted}, {f'at least {low}' if low is not None else f'at most {high}'}"
-    return f"{wanted} that matches {declared.pattern}" if declared.pattern is not None else wanted
+def _one_of(choices: list[str]) -> str:
+    return (
+        f"it has to be {' or '.join(choices)}" if len(choices) <= 3 else f"it has to be one of {first_words(choices)}"
+    )
 
 
 def _is_of_type(value: Any, kind: ValueType) -> bool:

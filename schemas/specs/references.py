@@ -17,7 +17,7 @@ from jmespath.exceptions import JMESPathError
 from jmespath.visitor import TreeInterpreter
 
 from ..wire.json_values import is_list, is_mapping
-from ..wire.request_problems import nearest, some
+from ..wire.request_problems import first_words, nearest
 from .reference_typing import TEXT, Anything, Kind, Record, ReferenceMistake, Scalar, infer
 
 MAX_WORK = 1_000_000
@@ -109,7 +109,7 @@ class Reference:
             hint = nearest(unknown[0], scope)
             if not hint:
                 steps = [name for name in scope if name != PARAMETERS]
-                hint = f"; there are {some(steps)}" if steps else "; this file has no steps to refer to"
+                hint = f"; there are {first_words(steps)}" if steps else "; this file has no steps to refer to"
             raise ReferenceMistake(f"there is no step or variable {unknown[0]!r}{hint}")
         return infer(self.tree, Record(scope))
 

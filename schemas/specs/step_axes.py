@@ -21,7 +21,7 @@ from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 from pydantic import AfterValidator, Field, ValidationError, WithJsonSchema
 
 from ..runs.axes import AXIS_TAG, MAX_AXES, tag_value
-from ..runs.axis_kinds.kind import MAX_VALUES, AxisRange, NormalDistribution, NumberAxis, Rig, Setter, differ
+from ..runs.axis_kinds.kind import MAX_VALUES, AxisRange, NormalDistribution, NumberAxis, Rig, Setter, check_different
 from ..runs.trial_designs import CellAxis, Cells, TrialDesign
 from ..runs.trials import trials_seeds
 from ..runs.variables import secret_names
@@ -201,7 +201,7 @@ def _secrets(names: Mapping[str, Any]) -> list[RequestProblem]:
 def _axis(axis: StepAxis) -> CellAxis:
     given = [name for name in ("values", "range", "normal") if getattr(axis, name) is not None]
     if given == ["values"] and axis.values is not None:
-        differ([_key(value) for value in axis.values])
+        check_different([_key(value) for value in axis.values])
         try:
             _check_truth(axis.values)
             for value in axis.values:

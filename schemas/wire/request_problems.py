@@ -76,7 +76,7 @@ def closest(word: str, words: Iterable[str], least_likeness: float = _TAKEN_FOR)
     return near if likeness >= least_likeness else None
 
 
-def some(words: Iterable[str]) -> str:
+def first_words(words: Iterable[str]) -> str:
     """Formats words as a list for an error message; of many, only the first ones."""
     first = list(islice(words, _MOST_SHOWN + 1))
     return ", ".join(first) if len(first) <= _MOST_SHOWN else f"{', '.join(first[:_MOST_SHOWN])}, …"

@@ -26,8 +26,8 @@ from .queries import (
     resource_of,
 )
 from .records import FirstLease, NewResource, Resource
+from .resource_tags import insert_tags, merged_tags, replace_tags
 from .tables import resources
-from .tags import insert_tags, merged_tags, replace_tags
 
 _MAX_ATTEMPTS = 100
 _CHUNK = 500  # of ARNs in one query

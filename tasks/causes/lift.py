@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...schemas.reports.against import FEWEST_WORLDS
+from ...schemas.reports.live_comparison import FEWEST_WORLDS
 from .evidence import Evidence, key_codes
 from .groups import Group
 

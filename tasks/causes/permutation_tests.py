@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...schemas.reports.against import FEWEST_WORLDS
+from ...schemas.reports.live_comparison import FEWEST_WORLDS
 from .evidence import AxisColumn, Evidence, key_codes
 from .groups import Group
 

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ...schemas.reports.against import FEWEST_WORLDS
 from ...schemas.reports.causes import CellPlot, MarginPlot, PlotCell
+from ...schemas.reports.live_comparison import FEWEST_WORLDS
 from ..results.rates import wilson_interval
 from .evidence import AxisColumn, Evidence
 from .groups import Group

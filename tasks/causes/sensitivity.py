@@ -6,9 +6,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ...schemas.reports.against import FEWEST_WORLDS
 from ...schemas.reports.causes import Sensitivity
 from ...schemas.wire.common import counted
+from ...schemas.reports.live_comparison import FEWEST_WORLDS
 from ..results.rates import margin_units
 from ..results.table import ResultTable
 from .evidence import AxisColumn, Evidence

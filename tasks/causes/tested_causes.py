@@ -13,8 +13,8 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from ...schemas.reports.against import FEWEST_WORLDS
 from ...schemas.reports.causes import Claim, ClaimKind, TestedLift
+from ...schemas.reports.live_comparison import FEWEST_WORLDS
 from .evidence import AxisColumn, Evidence
 from .groups import Group
 from .lift import Lift, lift_of, world_outlier

@@ -15,8 +15,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...schemas.reports.against import FEWEST_WORLDS, Answer
 from ...schemas.reports.comparison import RateChange
+from ...schemas.reports.live_comparison import FEWEST_WORLDS, Answer
 from ...schemas.reports.report import ArmComparison, AxisResult, Share
 from ...schemas.reports.run_record import JobRecord
 from ...schemas.runs.axes import value_text

@@ -7,7 +7,6 @@ for the user to decide.
 import numpy as np
 from numpy.typing import NDArray
 
-from ...schemas.reports.against import Answer
 from ...schemas.reports.comparison import (
     ComparedRun,
     Comparison,
@@ -16,6 +15,7 @@ from ...schemas.reports.comparison import (
     PairedJob,
     RateChange,
 )
+from ...schemas.reports.live_comparison import Answer
 from ...schemas.reports.run_exit_codes import ANSWER_EXIT_CODES
 from ...schemas.wire.common import counted
 from ..reporting import Outcome

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ...schemas.reports.against import AgainstAnswer
 from ...schemas.reports.changes import CellName
+from ...schemas.reports.live_comparison import AgainstAnswer
 from ...schemas.reports.run_record import JobRecord, RunRecord, RunState, SourceCommit
 from ...schemas.runs.axis_kinds.kind import Value
 from ..reporting import Outcome, classify

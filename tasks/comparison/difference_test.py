@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from ...schemas.reports.against import FEWEST_WORLDS
 from ...schemas.reports.comparison import MarginTest, NeededPairs, RateChange
+from ...schemas.reports.live_comparison import FEWEST_WORLDS
 from .margins import margin_p_value, margin_pairs_needed, margin_worlds_needed, shown_between_worlds
 from .statistics.e_processes import fewest_worlds
 from .statistics.intervals import Interval, clustered_mean, mean_difference, paired_rate_difference

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...schemas.reports.against import Against, AgainstAnswer, Answer
+from ...schemas.reports.live_comparison import Against, AgainstAnswer, Answer
 from ...schemas.wire.common import counted
 from .compared_runs import NightRun
 from .pairing import BROKEN, FAILED, PASSED, STOPPED

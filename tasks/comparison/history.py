@@ -3,9 +3,9 @@
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 
-from ...schemas.reports.against import in_words
 from ...schemas.reports.changes import CellChange, SinceLastRun
 from ...schemas.reports.history import CellHistory, History, Night, SharesByNight
+from ...schemas.reports.live_comparison import in_words
 from ...schemas.reports.run_record import CaseOutcome
 from ..reporting import Outcome
 from ..results import rates

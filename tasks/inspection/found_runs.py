@@ -20,7 +20,7 @@ from ...schemas.runs.trial_rows import TRIALS_FILE, TrialRow, TrialsSummary, pla
 from ...schemas.runs.trials import Trial
 from ...schemas.wire.errors import ConfigurationError, ObjectNotFoundError, StorageError
 from ..catalog import Resource
-from ..files.left_files import open_left
+from ..files.untrusted_files import open_left
 from ..runtime.agents.action_log import ACTIONS_FILE
 from ..runtime.episode.run_results import RESULT_FILE
 from ..runtime.replay.replay import RunOutputs, read_outputs

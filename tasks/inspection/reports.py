@@ -12,8 +12,8 @@ from typing import Any
 from ...schemas.documents.simulation_jobs import ReusedFrom, SimulationJobBatchDocument, SimulationJobDocument
 from ...schemas.documents.worlds import StoredPlace
 from ...schemas.job_owners import JobOwner
-from ...schemas.reports.against import in_words
 from ...schemas.reports.challenge import Challenge
+from ...schemas.reports.live_comparison import in_words
 from ...schemas.reports.names import application_name, job_name, short_name, unique_job_names, unique_world_names
 from ...schemas.reports.report import (
     AxisResult,

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...schemas.documents.simulation_jobs import SimulationJobBatchDocument, SimulationJobDocument
 from ...schemas.lifecycles import is_terminal
-from ...schemas.reports.against import Against, AgainstAnswer
+from ...schemas.reports.live_comparison import Against, AgainstAnswer
 from ...schemas.reports.report import ReportedJob
 from ...schemas.reports.run_record import JobRecord, RunRecord, StepRecord
 from ...schemas.runs.programs import STOP_EVENTS

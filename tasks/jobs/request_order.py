@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ...schemas.reports.against import FEWEST_WORLDS
+from ...schemas.reports.live_comparison import FEWEST_WORLDS
 from ..simulations.planning.run_plans import world_arn
 
 

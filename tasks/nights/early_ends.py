@@ -5,7 +5,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-from ...schemas.reports.against import Against, AgainstAnswer, in_words
+from ...schemas.reports.live_comparison import Against, AgainstAnswer, in_words
 from ...schemas.reports.progress import Note, ProgressListener
 from ...schemas.reports.run_record import StepRecord
 from ...schemas.specs.specification import CheckedSpec

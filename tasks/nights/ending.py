@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Protocol, TypeVar
 from uuid import UUID
 
-from ...schemas.reports.against import AgainstAnswer
 from ...schemas.reports.forecast import ForecastCheck
+from ...schemas.reports.live_comparison import AgainstAnswer
 from ...schemas.reports.progress import Note, ProgressListener
 from ...schemas.reports.report import RunState
 from ...schemas.reports.run_exit_codes import EXIT_CODES

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ...schemas.reports.against import Against
 from ...schemas.reports.challenge import Challenge
+from ...schemas.reports.live_comparison import Against
 from ...schemas.reports.run_record import RerunOf
 from ...schemas.specs.specification import CheckedSpec
 

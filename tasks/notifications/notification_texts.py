@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ...schemas.reports.against import in_words
 from ...schemas.reports.changes import Losses, SinceLastRun
+from ...schemas.reports.live_comparison import in_words
 from ...schemas.reports.run_record import CaseOutcome, JobRecord, RunRecord
 from ...schemas.reports.run_states import case_outcome, count_outcomes
 from ...schemas.runs.plan import Requirement

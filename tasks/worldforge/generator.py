@@ -29,7 +29,7 @@ from ...schemas.worlds.world import (
 )
 from .balconies.balconies import whole_floorplan
 from .doors.bath_windows import with_bath_windows
-from .doors.initial_states import dress_doors
+from .doors.styles_and_openings import dress_doors
 from .furniture.catalogue import parts_of
 from .furniture.placed_parts import height_at, turn
 from .interiors.interior import furnish

@@ -36,7 +36,7 @@ from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.templates.drawing_notes import DrawingNotes
 from prefect_robomaker.schemas.wire.errors import RobomakerError
 from prefect_robomaker.tasks.operations.registry import call, registry
-from prefect_robomaker.tasks.runtime.agents.agent_client import FrameBuffer, ProtocolError, words
+from prefect_robomaker.tasks.runtime.agents.agent_client import FrameBuffer, ProtocolError, json_message
 from prefect_robomaker.tasks.runtime.robots.robot_yaml.model import load_model
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.inputs.bundles import unpack_colcon_bundle
@@ -237,7 +237,7 @@ class Surfaces:
 
     def frames(self, rng: random.Random) -> None:
         buffer = FrameBuffer({1: 1 << 16, 2: 64})
-        sent = scrambled(b"".join(words(rng.randrange(1, 4), {"mode": "lockstep"}) for _ in range(9)), rng)
+        sent = scrambled(b"".join(json_message(rng.randrange(1, 4), {"mode": "lockstep"}) for _ in range(9)), rng)
         while sent:
             space = buffer.space()
             count = min(len(space), len(sent), rng.randrange(1, 99))

@@ -17,8 +17,8 @@ from helpers.processes import started
 from sqlalchemy import create_engine, insert, select, text
 
 from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.tasks.catalog.resource_tags import insert_tags
 from prefect_robomaker.tasks.catalog.tables import resources
-from prefect_robomaker.tasks.catalog.tags import insert_tags
 from prefect_robomaker.tasks.service.service import Service
 
 pytestmark = [pytest.mark.benchmark, pytest.mark.timeout(900)]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from prefect_robomaker.schemas.reports.against import FEWEST_WORLDS
+from prefect_robomaker.schemas.reports.live_comparison import FEWEST_WORLDS
 from prefect_robomaker.tasks.comparison.difference_test import JudgedTrials, rate_change
 
 COMPARISONS = 20_000

@@ -10,7 +10,7 @@ from typing import Any
 
 from prefect_robomaker.schemas.runs.plan import RunOutcome, RunPlan, RunResult
 from prefect_robomaker.schemas.runs.programs import RunStop
-from prefect_robomaker.tasks.runtime.agents.agent_client import HELLO, Simulation, connect, words
+from prefect_robomaker.tasks.runtime.agents.agent_client import HELLO, Simulation, connect, json_message
 from prefect_robomaker.tasks.runtime.agents.agent_socket import agent_socket_path
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
@@ -64,7 +64,7 @@ class Job:
 
 
 def greeting(**members: Any) -> bytes:
-    return words(HELLO, {"version": 1, **members})
+    return json_message(HELLO, {"version": 1, **members})
 
 
 def action(number: int, value: float) -> bytes:

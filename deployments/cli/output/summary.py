@@ -4,7 +4,7 @@ import shlex
 from collections.abc import Sequence
 from typing import TextIO
 
-from ....schemas.reports.against import in_words
+from ....schemas.reports.live_comparison import in_words
 from ....schemas.reports.run_record import JobRecord, RunRecord, StepRecord, interrupted_in_words
 from ....schemas.reports.run_states import counts_in_words
 from ....schemas.specs.parameter_values import values_in_words

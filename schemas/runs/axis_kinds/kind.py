@@ -179,7 +179,7 @@ def _as_text(value: Any) -> Any:
     return repr(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
-def differ(values: list[str]) -> list[str]:
+def check_different(values: list[str]) -> list[str]:
     """Returns a list of values unless two of them are equal.
 
     Raises:
@@ -195,10 +195,13 @@ AxisValue = Annotated[str, BeforeValidator(_as_text, json_schema_input_type=str 
 AxisText = Annotated[str, ShapeName("AxisValue")]
 """Value of an axis in a request that has to be text."""
 AxisValues = Annotated[
-    list[AxisValue], ShapeName("AxisValues"), Field(min_length=1, max_length=MAX_VALUES), AfterValidator(differ)
+    list[AxisValue],
+    ShapeName("AxisValues"),
+    Field(min_length=1, max_length=MAX_VALUES),
+    AfterValidator(check_different),
 ]
 AxisTexts = Annotated[
-    list[AxisText], ShapeName("AxisValues"), Field(min_length=1, max_length=MAX_VALUES), AfterValidator(differ)
+    list[AxisText], ShapeName("AxisValues"), Field(min_length=1, max_length=MAX_VALUES), AfterValidator(check_different)
 ]
 AxisBound = Annotated[float, ShapeName("AxisBound"), Field(allow_inf_nan=False)]
 AxisRange = Annotated[list[AxisBound], ShapeName("AxisRange"), Field(min_length=2, max_length=2)]
@@ -290,7 +293,7 @@ class NumberAxis(Axis):
             has = f"{' and '.join(given)} are given" if given else "it has no values"
             raise ValueError(f"{has}; give one of values, range ([least, largest]) and normal (mean and std)")
         if self.values is not None:
-            differ([f"{number!r}" for number in self._numbers(self.values)])
+            check_different([f"{number!r}" for number in self._numbers(self.values)])
         elif self.range is not None:
             self._check_bounds("range", *self.range)
         else:

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ....schemas.reports.against import FEWEST_WORLDS
+from ....schemas.reports.live_comparison import FEWEST_WORLDS
 
 Numbers = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from pydantic import Field, ValidationError
 
 from ....schemas.runs.provenance import ActionsSummary
 from ....schemas.wire.base import Model
-from ...files.left_files import open_left, write_all
+from ...files.untrusted_files import open_left, write_all
 from .agent_client import ACTION_HEADER
 from .agent_layout import Layout
 

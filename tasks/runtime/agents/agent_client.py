@@ -134,7 +134,7 @@ class FrameBuffer:
         return length, kind
 
 
-def words(kind: int, content: dict[str, Any]) -> bytes:
+def json_message(kind: int, content: dict[str, Any]) -> bytes:
     """Encodes a JSON message of the agent protocol: header, then ASCII without blanks, members in their given order.
 
     Raises ValueError if the content has a number that is not finite.
@@ -309,7 +309,7 @@ class Simulation:
         HEADER.pack_into(self._message, 0, self._action.size, ACTION)
         self._content = bytearray(self._action.size)
         self._step = -1
-        self._send(words(HELLO, {"version": VERSION, **options}))
+        self._send(json_message(HELLO, {"version": VERSION, **options}))
 
     def action_spec(self) -> Any:
         """Returns the layout of the robot's actions: an `ArraySpec`, or several by name."""
@@ -423,7 +423,7 @@ class Simulation:
 
     def _say(self, kind: int, content: dict[str, Any]) -> None:
         with suppress(OSError):  # the simulation has closed the connection
-            self._socket.sendall(words(kind, content))
+            self._socket.sendall(json_message(kind, content))
 
     def _send(self, message: bytes | bytearray) -> None:
         try:

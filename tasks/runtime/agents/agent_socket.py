@@ -18,7 +18,7 @@ from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.programs import RunStop
 from ....schemas.wire.errors import LaunchError
 from ..episode.progress import Stop as Stop
-from .agent_client import ERROR, FrameBuffer, ProtocolError, words
+from .agent_client import ERROR, FrameBuffer, ProtocolError, json_message
 
 _SYSTEM_FOLDER = Path("/tmp")  # noqa: S108  (not TMPDIR: applications may set it; what is made there is private)
 _FOLDER = ".robomaker"
@@ -298,7 +298,7 @@ class AgentLink:
             return
         self._said_last = True
         try:
-            self.send(bytes(self._unsent) + words(kind, content), _GOODBYE_S)
+            self.send(bytes(self._unsent) + json_message(kind, content), _GOODBYE_S)
         except (OSError, Stopped):
             return
 

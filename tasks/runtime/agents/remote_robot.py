@@ -27,7 +27,7 @@ from .agent_client import (
     PROTOCOL,
     VERSION,
     ProtocolError,
-    words,
+    json_message,
 )
 from .agent_greeting import CONNECT_TIMEOUT_VARIABLE, CRASH, Greeter, OtherInterface
 from .agent_layout import Layout
@@ -296,7 +296,7 @@ class RemoteRobot(Observer):
         """
         observation, action = _layouts(environment)
         timestep_s = _control_timestep_s(environment)
-        greeting = words(HELLO, _greeting(self._plan, self._robot, timestep_s, observation, action))
+        greeting = json_message(HELLO, _greeting(self._plan, self._robot, timestep_s, observation, action))
         assert self._socket is not None
         nodes = self._nodes
         if nodes is not None:

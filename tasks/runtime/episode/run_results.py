@@ -18,7 +18,7 @@ from ....schemas.runs.requirement_kinds.off import NOT_THERE
 from ....schemas.wire.base import Model
 from ....schemas.wire.common import counted
 from ....schemas.wire.request_problems import nearest
-from ...files.left_files import write_anew
+from ...files.untrusted_files import write_anew
 from .verdicts import Parts, decide_verdict
 
 OWN_VERDICT = "verdict_without_topics"

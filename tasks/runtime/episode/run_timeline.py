@@ -10,7 +10,7 @@ from typing import Literal
 from pydantic import Field, FiniteFloat, ValidationError
 
 from ....schemas.wire.base import Model, optional
-from ...files.left_files import read_left, write_anew
+from ...files.untrusted_files import read_left, write_anew
 
 TIMELINE_FILE = "timeline.json"
 MAX_TIMELINE_BYTES = 4 * 1024 * 1024

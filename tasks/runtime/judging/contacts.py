@@ -8,7 +8,7 @@ from typing import Any
 
 from ....schemas.runs.recording_sources import RecordingSources
 from ....schemas.runs.requirement_kinds.kind import NotMeasuredError, Rule, is_meant
-from ....schemas.wire.request_problems import nearest, some
+from ....schemas.wire.request_problems import first_words, nearest
 from ....schemas.worlds.world import World
 from .bags import Bag, Message
 from .silences import Source
@@ -192,7 +192,7 @@ class Names:
     def _near(self, pattern: str) -> str:
         there = sorted({*self.heard, *self._listed})
         models = [_model_of(name) for name in there]
-        return nearest(_model_of(pattern).strip("*"), models) or f"; there are {some(there) or 'no names in it'}"
+        return nearest(_model_of(pattern).strip("*"), models) or f"; there are {first_words(there) or 'no names in it'}"
 
 
 MODEL_STATES = "/gazebo/model_states"

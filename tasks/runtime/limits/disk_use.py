@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.programs import FoundFiles
-from ...files.left_files import HeldFile, deleted_files, files_below
+from ...files.untrusted_files import HeldFile, deleted_files, files_below
 
 PAUSE_S = 1.0
 """Seconds between two walks through the folders."""

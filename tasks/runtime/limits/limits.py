@@ -37,7 +37,7 @@ class Excess:
     """Session id of the processes that used most."""
 
 
-def confine(limits: ComputeLimits, cores: list[int] | None) -> None:
+def apply_limits(limits: ComputeLimits, cores: list[int] | None) -> None:
     """Applies the run's limits that the kernel enforces (cores, priority, processes) to this process and its children.
 
     Core dumps are turned off, and the kernel chooses these processes first when memory runs out.

@@ -21,7 +21,7 @@ from ..applications.scout.agent import make_agent
 from ..episode.context import SimulationContext
 from ..recording.recording import McapRecorder
 from ..states.digest import digest_of_model
-from .rehearsal_rooms import make_room, remove_left_rooms
+from .rehearsal_folders import make_locked_folder, remove_abandoned_folders
 
 HasRun = Callable[[float], bool]
 """Function that waits for a run for some seconds, and returns whether there is one."""
@@ -44,8 +44,8 @@ def rehearsal_room() -> Iterator[Path | None]:
     folder, lock = None, None
     try:
         with suppress(OSError):  # runs begin without a rehearsal too
-            remove_left_rooms()
-            folder, lock = make_room()
+            remove_abandoned_folders()
+            folder, lock = make_locked_folder()
             _furnish(folder)
         yield folder
     finally:

@@ -12,9 +12,9 @@ from contextlib import suppress
 from typing import BinaryIO, NoReturn, cast
 
 from ..episode.progress import Progress
-from ..limits.limits import confine
+from ..limits.limits import apply_limits
 from ..sandbox.box import Box, enter_network_of_keeper, fork_beside
-from ..sandbox.kernel import give_up_rights
+from ..sandbox.kernel import confine
 from .run_request import RunRequest, rules_of_run
 
 RunChild = Callable[[RunRequest, Progress], int]
@@ -110,10 +110,10 @@ def _become_run(pipe: socket.socket, run_child: RunChild, progress: Progress, re
         if request is None:
             code = 0
         else:
-            confine(request.plan.compute, request.cores)
+            apply_limits(request.plan.compute, request.cores)
             if request.box.level == "box":
                 enter_network_of_keeper(request.box.network)
-            give_up_rights(request.box.level, rules_of_run(request))
+            confine(request.box.level, rules_of_run(request))
             code = run_child(request, progress)
     finally:
         # Not sys.exit: this fork must not run the clean-up of the process it was copied from.

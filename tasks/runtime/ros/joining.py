@@ -29,7 +29,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Schema
 
-from ...files.left_files import open_left, unfinished_of, write_anew
+from ...files.untrusted_files import open_left, unfinished_of, write_anew
 from ..limits.processes import die_with_parent
 from ..recording.companions import LAYOUT_FILE, METADATA_FILE, RecordedTopic, layout, metadata, offer_in
 from ..recording.mcap_file import McapFile, Unbuffered

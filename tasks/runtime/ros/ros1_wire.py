@@ -22,7 +22,7 @@ from rosbags.typesys.store import Typestore
 
 from ....schemas.runs.plan import RunPlan
 from ....schemas.wire.errors import LaunchError
-from ..agents.agent_client import FrameBuffer, ProtocolError, words
+from ..agents.agent_client import FrameBuffer, ProtocolError, json_message
 from ..agents.agent_socket import ROS1_SOCKET, AgentSocket
 from .ros1_bridge import COMMAND, HEADER, HELLO, MESSAGE, MOST_BYTES, PROTOCOL, STATE, TOPIC, VELOCITY, VERSION
 from .wire import Command, Peers, Topic
@@ -84,7 +84,7 @@ class Ros1Wire:
             for topic in topics
         ]
         greeting = {"protocol": PROTOCOL, "version": VERSION, "command_topic": command_topic, "topics": described}
-        self._hello = words(HELLO, greeting)
+        self._hello = json_message(HELLO, greeting)
         self._topics = topics
         self._numbers = {topic.name: number for number, topic in enumerate(topics)}
         self._listener = AgentSocket(self._plan, ROS1_SOCKET)

@@ -21,7 +21,7 @@ from pathlib import Path
 from types import FrameType
 from typing import NamedTuple
 
-from ...files.left_files import write_anew
+from ...files.untrusted_files import write_anew
 from ..limits.processes import die_with_parent
 from ..recording.companions import Offer, channel_metadata
 from ..recording.mcap_file import McapFile, Unbuffered

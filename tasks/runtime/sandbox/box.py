@@ -103,7 +103,7 @@ class Furnishing:
             doors += [socket.create_server(("127.0.0.1", port)) for port in services]
         kernel.change_root(self._root)
         kernel.restrict_mount("/", kernel.READ_ONLY, below=False)
-        kernel.forgo_privileges()
+        kernel.drop_capabilities()
         kernel.stay_visible()
         return doors
 

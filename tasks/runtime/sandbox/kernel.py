@@ -121,7 +121,7 @@ def raise_loopback() -> None:
         fcntl.ioctl(any_socket, _SIOCSIFFLAGS, struct.pack("16sh22x", b"lo", flags | _IFF_UP))
 
 
-def forgo_privileges() -> None:
+def drop_capabilities() -> None:
     """Gives up all capabilities for good, also for programs that are executed later.
 
     Raises OSError if the kernel refuses.
@@ -354,7 +354,7 @@ def _instruction(code: int, value: int, *, then: int = 0, otherwise: int = 0) ->
     return struct.pack("HBBI", code, then, otherwise, value)
 
 
-def give_up_rights(level: BoxLevel, rules: Sequence[Rules] = ()) -> None:
+def confine(level: BoxLevel, rules: Sequence[Rules] = ()) -> None:
     """Confines this process and its children for good, at a given sandbox level.
 
     System calls that jobs do not need are blocked at the levels `box` and `landlock`.
@@ -370,7 +370,7 @@ def give_up_rights(level: BoxLevel, rules: Sequence[Rules] = ()) -> None:
     if level == "none":
         return
     leave_keyrings()
-    forgo_privileges()
+    drop_capabilities()
     if level == "landlock":
         restrict(rules)
     stay_visible()

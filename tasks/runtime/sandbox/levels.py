@@ -7,7 +7,7 @@ from typing import NamedTuple, NoReturn
 from ....schemas.runs.programs import BoxLevel
 from ..limits.processes import adopt_orphans
 from .box import Box, BoxError, fork_beside
-from .kernel import Rules, give_up_rights, landlock_version
+from .kernel import Rules, confine, landlock_version
 from .visible_files import Sight, system_sights
 
 
@@ -34,7 +34,7 @@ def strongest_level() -> Confinement:
         return Confinement("box")
     if landlock_version() == 0:
         return Confinement("none", f"{refused}; no Landlock: this kernel does not have it, or has it switched off")
-    if _exit_code(fork_beside(_leaving(lambda: give_up_rights("landlock", [Rules("/usr", writable=False)])))) == 0:
+    if _exit_code(fork_beside(_leaving(lambda: confine("landlock", [Rules("/usr", writable=False)])))) == 0:
         return Confinement("landlock", refused)
     return Confinement("none", f"{refused}; no Landlock: the kernel refused its rules")
 
@@ -43,7 +43,7 @@ def _try_box() -> None:
     box = Box()
     try:
         box.furnish([Sight("/usr", "read")], "none")
-        if _exit_code(box.fork(_leaving(lambda: give_up_rights("box")))) != 0:
+        if _exit_code(box.fork(_leaving(lambda: confine("box")))) != 0:
             raise BoxError("a process in it could not give up its rights")
     finally:
         box.close()

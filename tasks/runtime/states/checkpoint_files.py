@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError
 
 from ....schemas.runs.plan import RunPlan
 from ....schemas.wire.base import Model
-from ...files.left_files import read_left, write_anew
+from ...files.untrusted_files import read_left, write_anew
 
 PLAN_FILE = "plan.json"
 REASON_FILE = "not-resumable.txt"

@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 
 from ....schemas.runs.plan import RunPlan
-from ...files.left_files import write_anew
+from ...files.untrusted_files import write_anew
 from ..episode.physics import raw_physics
 from ..episode.progress import program_in_words
 from ..episode.run_results import Observer

@@ -19,7 +19,7 @@ import mujoco
 from ....schemas.runs.plan import ApplicationPlan, RunPlan
 from ....schemas.runs.provenance import PROVENANCE_FILE, ActionsSummary, ApplicationDigest, MachineFacts, Provenance
 from ....schemas.runs.variables import without_secrets
-from ...files.left_files import write_anew
+from ...files.untrusted_files import write_anew
 from ..episode.physics import raw_physics
 from ..episode.run_results import Findings, Observer
 from .digest import DIGEST_FILE, LOOK_EVERY_S, StateDigest

@@ -21,7 +21,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from ...files.left_files import write_all
+from ...files.untrusted_files import write_all
 from ..episode.physics import raw_physics
 from ..episode.run_results import Findings, Observer
 

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from ....schemas.runs.plan import Requirement, RunPlan, RunResult, Verdict
 from ....schemas.runs.programs import RunStop, ToolEnds
 from ....schemas.runs.requirements import JobRequirement
-from ...files.left_files import read_left
+from ...files.untrusted_files import read_left
 from ..agents.agent_socket import remove_agent_socket
 from ..episode.progress import unanswered
 from ..episode.run_results import MAX_RESULT_BYTES, OWN_VERDICT, RESULT_FILE, never_answered, versions, write_result

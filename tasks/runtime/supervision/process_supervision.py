@@ -17,12 +17,12 @@ from typing import Any
 from ....schemas.runs.programs import RunStop, ToolEnds
 from ..episode.progress import AGENT_GONE, Phase, Progress
 from ..limits.disk_use import disk_meter
-from ..limits.limits import Excess, Meter, confine
+from ..limits.limits import Excess, Meter, apply_limits
 from ..limits.logs import LOG_FOLDER, STDERR_LOG, STDOUT_LOG, CappedLog
 from ..limits.processes import descendants_of, kill_children
 from ..process.run_request import RunRequest, rules_of_run
 from ..sandbox.box import Box, fork_beside
-from ..sandbox.kernel import give_up_rights
+from ..sandbox.kernel import confine
 from .ports import are_listened_on, fork_forwarder, open_ports
 from .programs import Program, StartError
 from .run_outcomes import Crash, Exit, how_it_ended
@@ -131,9 +131,9 @@ class Supervision:
             if program.cleanup_argv is not None:  # a container, whose engine confines it
                 # Programs have limits of their own, and may be about to set a higher one.
                 limits = plan.compute.model_copy(update={"processes": None})
-                confined, fork = partial(confine, limits, self._request.cores), fork_beside
+                confined, fork = partial(apply_limits, limits, self._request.cores), fork_beside
             elif program.role in in_containers:  # a tool, which the engine starts there
-                confined, fork = partial(confine, plan.compute, self._request.cores), fork_beside
+                confined, fork = partial(apply_limits, plan.compute, self._request.cores), fork_beside
             else:
                 confined = partial(_confine_in_box, self._request)
                 fork = self._box.fork if self._box else fork_beside
@@ -415,8 +415,8 @@ class Supervision:
 
 
 def _confine_in_box(request: RunRequest) -> None:
-    confine(request.plan.compute, request.cores)
-    give_up_rights(request.box.level, rules_of_run(request))
+    apply_limits(request.plan.compute, request.cores)
+    confine(request.box.level, rules_of_run(request))
 
 
 def _pids_of_run() -> Iterator[int]:

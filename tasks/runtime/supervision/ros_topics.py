@@ -9,7 +9,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from ....schemas.runs.plan import RunPlan
-from ...files.left_files import read_left, unfinished_of
+from ...files.untrusted_files import read_left, unfinished_of
 from ..limits.logs import LOG_FOLDER, add_note, log_tail
 from ..ros.topic_report import (
     MAX_REPORT_BYTES,

@@ -9,7 +9,7 @@ from typing import Any, Literal
 from ....schemas.runs.plan import ApplicationRole, RunPlan
 from ....schemas.runs.programs import RunStop, ToolEnds
 from ....schemas.wire.common import without_escapes
-from ...files.left_files import files_below
+from ...files.untrusted_files import files_below
 from ..episode.progress import Phase
 from ..limits.disk_use import disk_meter
 

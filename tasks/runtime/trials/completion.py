@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from ....schemas.runs.plan import RunPlan, RunResult
 from ....schemas.runs.trial_rows import TRIALS_FILE, TRIALS_FOLDER, TrialRow
 from ....schemas.runs.trials import Trials
-from ...files.left_files import open_left, written_anew
+from ...files.untrusted_files import open_left, written_anew
 from ...results.columns import Names, columns_of, row_of, schema_of
 from ..episode.run_results import RESULT_FILE, versions, write_result
 from .tally import Tally

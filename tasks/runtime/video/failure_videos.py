@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ....schemas.runs.plan import RunOutcome, RunPlan
 from ....schemas.wire.errors import LaunchError
-from ...files.left_files import read_left, unfinished_of
+from ...files.untrusted_files import read_left, unfinished_of
 from ..episode.run_results import MAX_RESULT_BYTES, RESULT_FILE
 from ..limits.logs import add_note
 from ..rendering.backends import best_video_backend

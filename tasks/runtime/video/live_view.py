@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from PIL import Image as PillowImage
 
 from ....schemas.runs.plan import RunPlan
-from ...files.left_files import write_anew
+from ...files.untrusted_files import write_anew
 from ..episode.physics import raw_physics
 from ..episode.run_results import Findings, Observer
 from ..rendering.views import BOTH, FOLLOW, MODEL_BORROWED, TOP, awake, work_out_places

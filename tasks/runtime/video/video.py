@@ -14,7 +14,7 @@ import mujoco
 from PIL import Image as PillowImage
 
 from ....schemas.worlds.appearance import appearance_named
-from ...files.left_files import unfinished_of
+from ...files.untrusted_files import unfinished_of
 from ..episode.physics import raw_physics
 from ..episode.run_results import Findings, Observer
 from ..episode.run_timeline import FilmTimes

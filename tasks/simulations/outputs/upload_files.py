@@ -13,7 +13,7 @@ from typing import Any
 
 from ....schemas.runs.plan import ApplicationRole
 from ....schemas.wire.globs import Glob
-from ...files.left_files import open_left
+from ...files.untrusted_files import open_left
 from ...storage.checksums import copy_with_holes
 from ..environment.folders import HOME, Sandbox
 from ..environment.run_environment import application_configs, container_sandbox, run_sandbox

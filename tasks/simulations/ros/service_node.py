@@ -66,7 +66,7 @@ def make(folder: str) -> int:
     return failed
 
 
-def find(_folder: str) -> int:
+def check_installed(_folder: str) -> int:
     """Returns 0 if ROS 2 and the message package of the job services are installed; else raises ImportError."""
     import_module("rclpy")
     import_module(f"{PACKAGE}.srv")
@@ -129,4 +129,4 @@ def ask(folder: str, question: dict[str, Any]) -> dict[str, Any]:
 
 if __name__ == "__main__":
     task, ros, place = sys.argv[1:]
-    sys.exit({"make 1": make, "make 2": find, "serve 1": serve, "serve 2": serve_2}[f"{task} {ros}"](place))
+    sys.exit({"make 1": make, "make 2": check_installed, "serve 1": serve, "serve 2": serve_2}[f"{task} {ros}"](place))

@@ -11,7 +11,7 @@ from ..geometry.parts import CHROME, Color, Span, rgb
 from ..ornaments.ornament_shapes import Shapes
 from ..ornaments.ornaments import Mesh, Ornament, color_look, mesh_path
 from .faces import Face, faces, windows_in
-from .lights import ceilings, lamp_shades, skirting
+from .lights_and_ceilings import ceilings, lamp_shades, skirting
 from .on_tops import things_on_tops
 from .on_walls import things_on_walls
 from .openings import curtains, pierced_wall, window_frames

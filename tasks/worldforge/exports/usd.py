@@ -129,7 +129,7 @@ def _shapes(scene: Scene, shape: Shape, names: PrimNames, looks: Looks) -> list[
             # The hull of terrain would fill its valleys.
             form = "none" if shape.kind == "terrain" else "convexHull"
             prim.set("uniform token", "physics:approximation", quoted(form))
-        looks.grip(prim, shape.friction)
+        looks.bind_friction(prim, shape.friction)
     return made
 
 

@@ -153,7 +153,7 @@ class Looks:
         self._bind(prim, "material:binding", key)
         prim.set("color3f[]", "primvars:displayColor", f"[{shown}]")
 
-    def grip(self, prim: Prim, friction: float) -> None:
+    def bind_friction(self, prim: Prim, friction: float) -> None:
         """Assigns a friction coefficient to a colliding USD prim; adds its material to the scene if it is new."""
         key = f"friction {friction:g}"
         if key not in self._paths:

@@ -12,13 +12,13 @@ from ..geometry.parts import (
     Style,
     box,
     carcass,
+    ellipsoid,
     fronts,
-    hidden,
+    invisible_box,
     legs,
     rgb,
-    rounded,
     slab,
-    upright,
+    upright_cylinder,
 )
 
 _PANE = rgb("a9c4cf")
@@ -54,8 +54,8 @@ def sideboard(style: Style) -> list[Part]:
     side = 0.32 * style.width_m
     return [
         *_chest(style, 3, 1),
-        upright("pot", (0, side), 0.16, (top, top + 0.13), WHITE),
-        rounded("plant", (0, side, top + 0.25), (0.26, 0.26, 0.3), rgb("6c9461")),
+        upright_cylinder("pot", (0, side), 0.16, (top, top + 0.13), WHITE),
+        ellipsoid("plant", (0, side, top + 0.25), (0.26, 0.26, 0.3), rgb("6c9461")),
         box("frame", (-0.17, -0.15), (-side - 0.18, -side + 0.18), (top, top + 0.42), style.main),
         box("print", (-0.155, -0.146), (-side - 0.15, -side + 0.15), (top + 0.03, top + 0.39), style.soft),
     ]
@@ -67,10 +67,10 @@ def bar_cabinet(style: Style) -> list[Part]:
     parts = _chest(style, 2, 1)
     for index, color in enumerate((rgb("3f6b4f"), rgb("8c4a2f"), rgb("c9a24a"))):
         spot = (-0.05, -0.2 + 0.13 * index)
-        parts.append(upright(f"bottle-{index + 1}", spot, 0.075, (top, top + 0.2), color))
-        parts.append(upright(f"neck-{index + 1}", spot, 0.03, (top + 0.19, top + 0.3), color))
+        parts.append(upright_cylinder(f"bottle-{index + 1}", spot, 0.075, (top, top + 0.2), color))
+        parts.append(upright_cylinder(f"neck-{index + 1}", spot, 0.03, (top + 0.19, top + 0.3), color))
     for index in range(2):
-        glass = upright(f"glass-{index + 1}", (0.06, 0.18 + 0.1 * index), 0.06, (top, top + 0.1), _PANE)
+        glass = upright_cylinder(f"glass-{index + 1}", (0.06, 0.18 + 0.1 * index), 0.06, (top, top + 0.1), _PANE)
         parts.append(glass)
     return parts
 
@@ -94,8 +94,8 @@ def _things(style: Style, top: float) -> list[Part]:
         return []
     side = style.half_width_m - 0.13
     return [
-        upright("vase", (-0.02, side), 0.1, (top, top + 0.2), style.soft),
-        rounded("bunch", (-0.02, side, top + 0.3), (0.2, 0.2, 0.22), rgb("6c9461")),
+        upright_cylinder("vase", (-0.02, side), 0.1, (top, top + 0.2), style.soft),
+        ellipsoid("bunch", (-0.02, side, top + 0.3), (0.2, 0.2, 0.22), rgb("6c9461")),
         box("speaker", (-0.1, 0.06), (-side - 0.06, -side + 0.06), (top, top + 0.24), BLACK),
     ]
 
@@ -130,7 +130,7 @@ def bookcase(style: Style) -> list[Part]:
             parts.append(box(f"books-{index + 1}-{number + 1}", (x - 0.13, x - 0.03 + 0.008 * number), span, up, color))
             left += width
     vase = (x - 0.065, y - 0.1)
-    parts.append(upright("vase", vase, 0.09, (0.05 + step, 0.05 + 1.5 * step), WHITE))
+    parts.append(upright_cylinder("vase", vase, 0.09, (0.05 + step, 0.05 + 1.5 * step), WHITE))
     return parts
 
 
@@ -142,15 +142,15 @@ def corner_cabinet(style: Style) -> list[Part]:
     parts = [
         box("plinth", (-x + 0.01, x - 0.06), (-y + 0.01, y - 0.06), (0, 0.08), BLACK),
         box("body", (-x, x - 0.02), (-y, y - 0.02), (0.07, top - 0.03), style.main),
-        hidden("inside", (-x, x - 0.02), (-y, y - 0.02), (0, top), style.main),
+        invisible_box("inside", (-x, x - 0.02), (-y, y - 0.02), (0, top), style.main),
         slab("top", style, (top - 0.03, top), style.accent),
         box("door-front", (x - 0.03, x - 0.008), (-y + 0.01, y - 0.03), (0.09, low), style.accent),
         box("door-side", (-x + 0.01, x - 0.03), (y - 0.03, y - 0.008), (0.09, low), style.accent),
-        upright("handle-front", (x - 0.004, y - 0.08), 0.014, (low - 0.26, low - 0.08), CHROME),
-        upright("handle-side", (x - 0.08, y - 0.004), 0.014, (low - 0.26, low - 0.08), CHROME),
+        upright_cylinder("handle-front", (x - 0.004, y - 0.08), 0.014, (low - 0.26, low - 0.08), CHROME),
+        upright_cylinder("handle-side", (x - 0.08, y - 0.004), 0.014, (low - 0.26, low - 0.08), CHROME),
     ]
     if not is_tall:
-        return [*parts, upright("vase", (-0.02, 0), 0.13, (top, top + 0.24), style.soft)]
+        return [*parts, upright_cylinder("vase", (-0.02, 0), 0.13, (top, top + 0.24), style.soft)]
     glass = (low + 0.03, top - 0.07)
     bars = ((low + top) / 2 - 0.03, (low + top) / 2)
     return [
@@ -208,7 +208,7 @@ def _counter(style: Style) -> list[Part]:
         parts += [
             box("sink-rim", (-x + 0.1, x - 0.08), (-y + 0.12, y - 0.12), (top, top + 0.008), STEEL),
             box("sink", (-x + 0.14, x - 0.12), (-y + 0.16, y - 0.16), (top, top + 0.012), DARK_STEEL),
-            upright("tap", (-x + 0.06, 0), 0.035, (top, top + 0.28), CHROME),
+            upright_cylinder("tap", (-x + 0.06, 0), 0.035, (top, top + 0.28), CHROME),
             box("spout", (-x + 0.05, -x + 0.24), (-0.015, 0.015), (top + 0.25, top + 0.28), CHROME),
         ]
     return parts
@@ -219,14 +219,14 @@ def floor_lamp(style: Style) -> list[Part]:
     top = style.height_m
     if style.form == "globe":
         return [
-            upright("foot", (0, 0), 0.26, (0, 0.03), style.main, solid=True),
-            upright("pole", (0, 0), 0.025, (0.03, top - 0.3), style.main, solid=True),
-            upright("collar", (0, 0), 0.08, (top - 0.36, top - 0.32), style.accent),
-            rounded("shade", (0, 0, top - 0.19), (style.width_m, style.width_m, 0.38), rgb("faf0d6"), solid=True),
+            upright_cylinder("foot", (0, 0), 0.26, (0, 0.03), style.main, solid=True),
+            upright_cylinder("pole", (0, 0), 0.025, (0.03, top - 0.3), style.main, solid=True),
+            upright_cylinder("collar", (0, 0), 0.08, (top - 0.36, top - 0.32), style.accent),
+            ellipsoid("shade", (0, 0, top - 0.19), (style.width_m, style.width_m, 0.38), rgb("faf0d6"), solid=True),
         ]
     return [
-        upright("foot", (0, 0), 0.28, (0, 0.03), style.main, solid=True),
-        upright("pole", (0, 0), 0.03, (0.03, top - 0.24), CHROME, solid=True),
-        upright("shade", (0, 0), style.width_m, (top - 0.28, top), rgb("f7e6b8"), solid=True),
-        upright("rim", (0, 0), style.width_m + 0.004, (top - 0.3, top - 0.285), style.main),
+        upright_cylinder("foot", (0, 0), 0.28, (0, 0.03), style.main, solid=True),
+        upright_cylinder("pole", (0, 0), 0.03, (0.03, top - 0.24), CHROME, solid=True),
+        upright_cylinder("shade", (0, 0), style.width_m, (top - 0.28, top), rgb("f7e6b8"), solid=True),
+        upright_cylinder("rim", (0, 0), style.width_m + 0.004, (top - 0.3, top - 0.285), style.main),
     ]

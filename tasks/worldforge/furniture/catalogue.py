@@ -105,7 +105,7 @@ CATALOGUE: dict[str, Kind] = {
         "drawers",
     ),
     "Sofas": Kind(
-        soft.seat,
+        soft.sofa,
         styles("three-seat", (2.2, 0.92, 0.82), "grey", "sage", "navy", "mustard")
         + styles("two-seat", (1.65, 0.9, 0.82), "grey", "sage", "navy", "mustard")
         + styles("scandi three-seat", (2.06, 0.86, 0.8), "grey", "terracotta", "sage")

@@ -12,12 +12,12 @@ from ..geometry.parts import (
     Style,
     box,
     carcass,
+    ellipsoid,
     fronts,
-    lying,
+    level_cylinder,
     rgb,
-    rounded,
     slab,
-    upright,
+    upright_cylinder,
 )
 
 _WATER = rgb("a9d3e0")
@@ -33,8 +33,8 @@ def bath(style: Style) -> list[Part]:
         box("left", (-x + rim, x - rim), (y - rim - 0.06, y), (0, top), style.main, solid=True),
         box("right", (-x + rim, x - rim), (-y, -y + rim), (0, top), style.main, solid=True),
         box("water", (-x + rim, x - rim), (-y + rim, y - rim - 0.06), (0.1, top - 0.14), _WATER, solid=True),
-        upright("tap-hot", (0.09, y - 0.06), 0.04, (top, top + 0.09), CHROME),
-        upright("tap-cold", (-0.09, y - 0.06), 0.04, (top, top + 0.09), CHROME),
+        upright_cylinder("tap-hot", (0.09, y - 0.06), 0.04, (top, top + 0.09), CHROME),
+        upright_cylinder("tap-cold", (-0.09, y - 0.06), 0.04, (top, top + 0.09), CHROME),
         box("spout", (-0.02, 0.02), (y - 0.2, y - 0.04), (top + 0.06, top + 0.09), CHROME),
     ]
 
@@ -56,12 +56,12 @@ def shower(style: Style) -> list[Part]:
                 solid=True,
             ),
             box(f"rail-{name}", (-x + 0.012, x - 0.012), (side - 0.014, side + 0.014), (top - 0.02, top), CHROME),
-            upright(f"post-{name}", (x - 0.03, side), 0.028, (0.1, top - 0.015), CHROME),
+            upright_cylinder(f"post-{name}", (x - 0.03, side), 0.028, (0.1, top - 0.015), CHROME),
         ]
     return [
         *glass,
         box("valve", (-x + 0.03, -x + 0.075), (-0.14, 0.14), (1.05, 1.1), CHROME),
-        rounded("soap", (-x + 0.08, 0.25 * style.width_m, 1.06), (0.07, 0.1, 0.03), rgb("cfe3d2")),
+        ellipsoid("soap", (-x + 0.08, 0.25 * style.width_m, 1.06), (0.07, 0.1, 0.03), rgb("cfe3d2")),
         box(
             "shelf",
             (-x + 0.03, -x + 0.13),
@@ -71,10 +71,10 @@ def shower(style: Style) -> list[Part]:
         ),
         slab("tray", style, (0, 0.1), style.main, solid=True),
         slab("floor", style, (0.09, 0.107), style.soft, inset=0.06),
-        upright("drain", (0, 0), 0.1, (0.1, 0.112), CHROME),
+        upright_cylinder("drain", (0, 0), 0.1, (0.1, 0.112), CHROME),
         box("back", (-x, -x + 0.03), (-y + 0.036, y - 0.036), (0.1, top - 0.004), style.accent, solid=True),
-        upright("pipe", (-x + 0.06, 0), 0.03, (0.9, top - 0.05), CHROME),
-        upright("head", (-x + 0.2, 0), 0.22, (top - 0.09, top - 0.06), CHROME),
+        upright_cylinder("pipe", (-x + 0.06, 0), 0.03, (0.9, top - 0.05), CHROME),
+        upright_cylinder("head", (-x + 0.2, 0), 0.22, (top - 0.09, top - 0.06), CHROME),
     ]
 
 
@@ -83,7 +83,7 @@ def toilet(style: Style) -> list[Part]:
     x, y = style.half_depth_m, style.half_width_m
     middle = 0.1 * style.depth_m
     bowl = [
-        rounded("bowl", (middle, 0, 0.3), (0.54, style.width_m - 0.02, 0.28), style.main, solid=True),
+        ellipsoid("bowl", (middle, 0, 0.3), (0.54, style.width_m - 0.02, 0.28), style.main, solid=True),
         Part("seat", "ellipsoid", (middle, 0, 0.42), (0.53, style.width_m - 0.03, 0.07), CERAMIC, False),
         Part("opening", "ellipsoid", (middle + 0.03, 0, 0.44), (0.32, 0.21, 0.045), style.soft, False),
     ]
@@ -101,7 +101,7 @@ def toilet(style: Style) -> list[Part]:
         box("tank", (-x, -x + 0.19), (-y, y), (0.36, style.height_m - 0.03), style.main, solid=True),
         box("tank-lid", (-x, -x + 0.2), (-y - 0.005, y + 0.005), (style.height_m - 0.03, style.height_m), style.accent),
         box("foot", (-x + 0.02, x - 0.16), (-0.11, 0.11), (0, 0.37), style.main, solid=True),
-        upright("button", (-x + 0.1, 0), 0.05, (style.height_m, style.height_m + 0.01), CHROME),
+        upright_cylinder("button", (-x + 0.1, 0), 0.05, (style.height_m, style.height_m + 0.01), CHROME),
     ]
 
 
@@ -119,9 +119,9 @@ def vanity(style: Style) -> list[Part]:
     basin_m, bowl_m = (0.38, 0.31) if style.width_m > 0.7 else (0.32, 0.26)
     for index, side in enumerate((-y / 2, y / 2) if style.width_m > 1.1 else (0.0,)):
         parts += [
-            upright(f"basin-{index + 1}", (0.03, side), basin_m, (top, top + 0.09), CERAMIC, solid=True),
-            upright(f"bowl-{index + 1}", (0.03, side), bowl_m, (top, top + 0.096), rgb("c5d5db")),
-            upright(f"tap-{index + 1}", (-x + 0.07, side), 0.035, (top, top + 0.2), CHROME),
+            upright_cylinder(f"basin-{index + 1}", (0.03, side), basin_m, (top, top + 0.09), CERAMIC, solid=True),
+            upright_cylinder(f"bowl-{index + 1}", (0.03, side), bowl_m, (top, top + 0.096), rgb("c5d5db")),
+            upright_cylinder(f"tap-{index + 1}", (-x + 0.07, side), 0.035, (top, top + 0.2), CHROME),
             box(
                 f"spout-{index + 1}",
                 (-x + 0.06, -x + 0.2),
@@ -146,7 +146,7 @@ def fridge(style: Style) -> list[Part]:
                 for i, span in enumerate(doors)
             ],
             *[
-                upright(f"handle-{i}", (x - 0.008, side), 0.02, (0.6, 1.4), CHROME)
+                upright_cylinder(f"handle-{i}", (x - 0.008, side), 0.02, (0.6, 1.4), CHROME)
                 for i, side in enumerate((-0.05, 0.05))
             ],
             box("dispenser", (x - 0.03, x - 0.01), (-y + 0.1, -0.12), (1.0, 1.3), BLACK),
@@ -157,8 +157,8 @@ def fridge(style: Style) -> list[Part]:
         box("plinth", (-x + 0.03, x - 0.08), (-y + 0.02, y - 0.02), (0, 0.03), BLACK),
         box("door-upper", (x - 0.06, x - 0.015), (-y + 0.004, y - 0.004), (split + 0.01, top - 0.005), style.accent),
         box("door-lower", (x - 0.06, x - 0.015), (-y + 0.004, y - 0.004), (0.05, split - 0.01), style.accent),
-        upright("handle-upper", (x - 0.008, -y + 0.06), 0.016, (split + 0.08, split + 0.6), CHROME),
-        upright("handle-lower", (x - 0.008, -y + 0.06), 0.016, (split - 0.4, split - 0.08), CHROME),
+        upright_cylinder("handle-upper", (x - 0.008, -y + 0.06), 0.016, (split + 0.08, split + 0.6), CHROME),
+        upright_cylinder("handle-lower", (x - 0.008, -y + 0.06), 0.016, (split - 0.4, split - 0.08), CHROME),
     ]
 
 
@@ -167,7 +167,7 @@ def oven(style: Style) -> list[Part]:
     x, y, top = style.half_depth_m, style.half_width_m, style.height_m
     is_range = style.form == "range"
     knobs = [
-        lying(
+        level_cylinder(
             f"knob-{index + 1}",
             (x - 0.006, (index - 2) * 0.2 * style.width_m * 0.8, top - 0.12),
             0.04,
@@ -178,7 +178,7 @@ def oven(style: Style) -> list[Part]:
         for index in range(5)
     ]
     plates = [
-        upright(f"plate-{index + 1}", (i * 0.13, j * 0.13), d, (top - 0.02, top + 0.006), rgb("6a6f75"))
+        upright_cylinder(f"plate-{index + 1}", (i * 0.13, j * 0.13), d, (top - 0.02, top + 0.006), rgb("6a6f75"))
         for index, (i, j, d) in enumerate([(1, 1, 0.18), (1, -1, 0.15), (-1, 1, 0.15), (-1, -1, 0.2)])
     ]
     if is_range:
@@ -186,8 +186,8 @@ def oven(style: Style) -> list[Part]:
             part
             for index, (at, side) in enumerate([(0.13, 0.26), (0.13, -0.26), (-0.13, 0.26), (-0.13, -0.26), (0.0, 0.0)])
             for part in (
-                upright(f"burner-{index + 1}", (at, side), 0.12, (top - 0.02, top + 0.012), rgb("6a6f75")),
-                upright(f"cap-{index + 1}", (at, side), 0.07, (top - 0.02, top + 0.022), BLACK),
+                upright_cylinder(f"burner-{index + 1}", (at, side), 0.12, (top - 0.02, top + 0.012), rgb("6a6f75")),
+                upright_cylinder(f"cap-{index + 1}", (at, side), 0.07, (top - 0.02, top + 0.022), BLACK),
             )
         ]
         plates.append(
@@ -201,7 +201,7 @@ def oven(style: Style) -> list[Part]:
         *plates,
         box("door", (x - 0.03, x - 0.012), (-y + 0.02, y - 0.02), (0.12, 0.66), style.accent),
         box("window", (x - 0.02, x - 0.009), (-y + 0.09, y - 0.09), (0.22, 0.52), BLACK),
-        lying("handle", (x - 0.01, 0, 0.61), 0.018, style.width_m - 0.16, "y", CHROME),
+        level_cylinder("handle", (x - 0.01, 0, 0.61), 0.018, style.width_m - 0.16, "y", CHROME),
         box("controls", (x - 0.03, x - 0.008), (-y + 0.02, y - 0.02), (0.7, top - 0.05), DARK_STEEL),
     ]
 
@@ -215,7 +215,7 @@ def dishwasher(style: Style) -> list[Part]:
         slab("top", style, (top - 0.04, top), rgb("d8d4cb")),
         box("door", (x - 0.03, x - 0.012), (-y + 0.01, y - 0.01), (0.1, top - 0.17), style.accent),
         box("controls", (x - 0.03, x - 0.01), (-y + 0.01, y - 0.01), (top - 0.16, top - 0.05), DARK_STEEL),
-        lying("handle", (x - 0.01, 0, top - 0.22), 0.016, style.width_m - 0.2, "y", CHROME),
+        level_cylinder("handle", (x - 0.01, 0, top - 0.22), 0.016, style.width_m - 0.2, "y", CHROME),
     ]
 
 
@@ -228,8 +228,8 @@ def washing_machine(style: Style) -> list[Part]:
     for index in range(machines):
         middle, name = (index + 0.46) * height, f"-{index + 1}"
         parts += [
-            lying("ring" + name, (x - 0.022, 0, middle), 0.38, 0.03, "x", STEEL),
-            lying("door" + name, (x - 0.014, 0, middle), 0.29, 0.026, "x", DARK_STEEL),
+            level_cylinder("ring" + name, (x - 0.022, 0, middle), 0.38, 0.03, "x", STEEL),
+            level_cylinder("door" + name, (x - 0.014, 0, middle), 0.29, 0.026, "x", DARK_STEEL),
             box(
                 "controls" + name,
                 (x - 0.04, x - 0.022),

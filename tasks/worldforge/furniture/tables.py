@@ -13,13 +13,13 @@ from ..geometry.parts import (
     bearings,
     box,
     carcass,
+    ellipsoid,
     fronts,
     legs,
-    lying,
+    level_cylinder,
     rgb,
-    rounded,
     slab,
-    upright,
+    upright_cylinder,
 )
 
 _LEAF = rgb("5f8a56")
@@ -53,8 +53,8 @@ def coffee_table(style: Style) -> list[Part]:
 def _tray(style: Style, top: float) -> list[Part]:
     """Builds a small decorative bowl with moss."""
     return [
-        upright("tray", (-0.08, -0.1), 0.2, (top, top + 0.03), style.soft),
-        rounded("moss", (-0.08, -0.1, top + 0.035), (0.17, 0.17, 0.06), _LEAF),
+        upright_cylinder("tray", (-0.08, -0.1), 0.2, (top, top + 0.03), style.soft),
+        ellipsoid("moss", (-0.08, -0.1, top + 0.035), (0.17, 0.17, 0.06), _LEAF),
     ]
 
 
@@ -69,8 +69,8 @@ def dining_table(style: Style) -> list[Part]:
         ]
     return [
         *parts,
-        upright("bowl", (0, 0), 0.26, (top, top + 0.06), WHITE),
-        rounded("fruit", (0, 0, top + 0.06), (0.2, 0.2, 0.1), _CLAY),
+        upright_cylinder("bowl", (0, 0), 0.26, (top, top + 0.06), WHITE),
+        ellipsoid("fruit", (0, 0, top + 0.06), (0.2, 0.2, 0.1), _CLAY),
     ]
 
 
@@ -84,12 +84,12 @@ def side_table(style: Style) -> list[Part]:
     """Builds a side table with an object on it from simple shapes."""
     top = style.height_m
     if style.form == "round":
-        return [*_pedestal(style, foot=0.7), upright("cup", (0.08, 0.06), 0.08, (top, top + 0.1), style.soft)]
+        return [*_pedestal(style, foot=0.7), upright_cylinder("cup", (0.08, 0.06), 0.08, (top, top + 0.1), style.soft)]
     return [
         *_four_legged(style, 0.035),
         slab("shelf", style, (0.18, 0.2), style.main, inset=0.05),
-        rounded("plant", (0, 0, top + 0.16), (0.22, 0.22, 0.2), _LEAF),
-        upright("pot", (0, 0), 0.13, (top, top + 0.11), _CLAY),
+        ellipsoid("plant", (0, 0, top + 0.16), (0.22, 0.22, 0.2), _LEAF),
+        upright_cylinder("pot", (0, 0), 0.13, (top, top + 0.11), _CLAY),
     ]
 
 
@@ -104,13 +104,13 @@ def console_table(style: Style) -> list[Part]:
         for name, side in (("left", half / 2), ("right", -half / 2)):
             span = (side - half / 2 + 0.02, side + half / 2 - 0.02)
             drawers.append(box(f"drawer-{name}", (x - 0.05, x - 0.018), span, (top - 0.155, top - 0.045), style.accent))
-            drawers.append(rounded(f"knob-{name}", (x - 0.014, side, top - 0.1), (0.024, 0.03, 0.03), CHROME))
+            drawers.append(ellipsoid(f"knob-{name}", (x - 0.014, side, top - 0.1), (0.024, 0.03, 0.03), CHROME))
     return [
         *drawers,
         *_four_legged(style, 0.04),
         slab("shelf", style, (0.2, 0.225), style.accent, inset=0.035),
-        upright("vase", (0, 0.3 * style.width_m), 0.12, (top, top + 0.22), style.soft),
-        rounded("bunch", (0, 0.3 * style.width_m, top + 0.3), (0.22, 0.22, 0.24), _LEAF),
+        upright_cylinder("vase", (0, 0.3 * style.width_m), 0.12, (top, top + 0.22), style.soft),
+        ellipsoid("bunch", (0, 0.3 * style.width_m, top + 0.3), (0.22, 0.22, 0.24), _LEAF),
         box("tray", (-0.1, 0.1), (-0.38 * style.width_m, -0.12 * style.width_m), (top, top + 0.02), style.main),
     ]
 
@@ -119,9 +119,9 @@ def nightstand(style: Style) -> list[Part]:
     """Builds a nightstand with a lamp from simple shapes."""
     top = style.height_m
     lamp = [
-        upright("lamp-foot", (-0.04, 0), 0.11, (top, top + 0.02), style.main),
-        upright("lamp-pole", (-0.04, 0), 0.03, (top + 0.01, top + 0.17), CHROME),
-        upright("lamp-shade", (-0.04, 0), 0.22, (top + 0.15, top + 0.33), rgb("f6e7c1")),
+        upright_cylinder("lamp-foot", (-0.04, 0), 0.11, (top, top + 0.02), style.main),
+        upright_cylinder("lamp-pole", (-0.04, 0), 0.03, (top + 0.01, top + 0.17), CHROME),
+        upright_cylinder("lamp-shade", (-0.04, 0), 0.22, (top + 0.15, top + 0.33), rgb("f6e7c1")),
     ]
     if style.form == "open":
         x, y = style.half_depth_m, style.half_width_m
@@ -130,7 +130,7 @@ def nightstand(style: Style) -> list[Part]:
             box(
                 "drawer", (-x + 0.01, x - 0.02), (-y + 0.02, y - 0.02), (top - 0.18, top - 0.02), style.main, solid=True
             ),
-            rounded("knob", (x - 0.014, 0, top - 0.1), (0.024, 0.032, 0.032), CHROME),
+            ellipsoid("knob", (x - 0.014, 0, top - 0.1), (0.024, 0.032, 0.032), CHROME),
             *legs(style, (0, top - 0.02), 0.032, style.main, inset=0.008),
             slab("shelf", style, (0.16, 0.18), style.accent, inset=0.014),
             box("books", (-0.08, 0.1), (-0.1, 0.08), (0.18, 0.23), style.soft),
@@ -150,9 +150,9 @@ def desk(style: Style) -> list[Part]:
     top = style.height_m
     x, y = style.half_depth_m, style.half_width_m
     lamp = [
-        upright("lamp-foot", (-x + 0.14, y - 0.18), 0.14, (top, top + 0.02), BLACK),
-        upright("lamp-pole", (-x + 0.14, y - 0.18), 0.022, (top + 0.01, top + 0.36), BLACK),
-        upright("lamp-shade", (-x + 0.18, y - 0.18), 0.16, (top + 0.32, top + 0.42), rgb("f6e7c1")),
+        upright_cylinder("lamp-foot", (-x + 0.14, y - 0.18), 0.14, (top, top + 0.02), BLACK),
+        upright_cylinder("lamp-pole", (-x + 0.14, y - 0.18), 0.022, (top + 0.01, top + 0.36), BLACK),
+        upright_cylinder("lamp-shade", (-x + 0.18, y - 0.18), 0.16, (top + 0.32, top + 0.42), rgb("f6e7c1")),
     ]
     if style.form == "legs":
         return [
@@ -171,14 +171,14 @@ def desk(style: Style) -> list[Part]:
         box("drawer-upper", (x - 0.06, x - 0.035), (-y + 0.035, -y + 0.405), (0.38, top - 0.06), style.accent),
         box("drawer-lower", (x - 0.06, x - 0.035), (-y + 0.035, -y + 0.405), (0.04, 0.36), style.accent),
         *[
-            lying(f"handle-{i}", (x - 0.03, -y + 0.22, z), 0.012, 0.14, "y", CHROME)
+            level_cylinder(f"handle-{i}", (x - 0.03, -y + 0.22, z), 0.012, 0.14, "y", CHROME)
             for i, z in enumerate((0.55, 0.24), 1)
         ],
         box("mouse", (0.08, 0.16), (0.26, 0.31), (top, top + 0.022), DARK_STEEL),
         box("screen-foot", (-x + 0.08, -x + 0.24), (-0.11, 0.11), (top, top + 0.012), DARK_STEEL),
         box("side", (-x + 0.03, x - 0.04), (y - 0.05, y - 0.02), (0, top - 0.035), style.main, solid=True),
         box("screen", (-x + 0.14, -x + 0.17), (-0.3, 0.3), (top + 0.1, top + 0.46), SCREEN),
-        upright("stand", (-x + 0.13, 0), 0.05, (top, top + 0.3), DARK_STEEL),
+        upright_cylinder("stand", (-x + 0.13, 0), 0.05, (top, top + 0.3), DARK_STEEL),
         box("keyboard", (0.05, 0.19), (-0.21, 0.21), (top, top + 0.018), BLACK),
     ]
 
@@ -188,25 +188,27 @@ def serving_cart(style: Style) -> list[Part]:
     top = style.height_m
     x, y = style.half_depth_m, style.half_width_m
     posts = [
-        upright(f"post-{index + 1}", (i * (x - 0.03), j * (y - 0.03)), 0.03, (0, top), style.accent, solid=True)
+        upright_cylinder(
+            f"post-{index + 1}", (i * (x - 0.03), j * (y - 0.03)), 0.03, (0, top), style.accent, solid=True
+        )
         for index, (i, j) in enumerate([(1, 1), (1, -1), (-1, 1), (-1, -1)])
     ]
     wheels = [
-        lying(f"wheel-{index + 1}", (i * (x - 0.03), j * (y - 0.03), 0.034), 0.068, 0.034, "y", BLACK)
+        level_cylinder(f"wheel-{index + 1}", (i * (x - 0.03), j * (y - 0.03), 0.034), 0.068, 0.034, "y", BLACK)
         for index, (i, j) in enumerate([(1, 1), (1, -1), (-1, 1), (-1, -1)])
     ]
     return [
         *posts,
         *wheels,
-        lying("push-bar", (0, y - 0.03, top - 0.012), 0.022, 2 * x - 0.06, "x", CHROME),
-        upright("neck", (0, 0.12), 0.03, (top + 0.13, top + 0.2), rgb("3f6b4f")),
-        upright("glass-1", (0.08, 0.0), 0.06, (top - 0.09, top + 0.0), rgb("cfe0e8")),
-        upright("glass-2", (-0.06, 0.0), 0.06, (top - 0.09, top + 0.0), rgb("cfe0e8")),
+        level_cylinder("push-bar", (0, y - 0.03, top - 0.012), 0.022, 2 * x - 0.06, "x", CHROME),
+        upright_cylinder("neck", (0, 0.12), 0.03, (top + 0.13, top + 0.2), rgb("3f6b4f")),
+        upright_cylinder("glass-1", (0.08, 0.0), 0.06, (top - 0.09, top + 0.0), rgb("cfe0e8")),
+        upright_cylinder("glass-2", (-0.06, 0.0), 0.06, (top - 0.09, top + 0.0), rgb("cfe0e8")),
         box("crate", (-0.13, 0.13), (-0.2, 0.04), (0.21, 0.36), rgb("b58d5f")),
         slab("tray-upper", style, (top - 0.12, top - 0.09), style.main, inset=0.01, solid=True),
         slab("tray-lower", style, (0.18, 0.21), style.main, inset=0.01, solid=True),
-        upright("bottle", (0, 0.12), 0.08, (top - 0.09, top + 0.14), rgb("3f6b4f")),
-        upright("teapot", (0.02, -0.14), 0.15, (top - 0.09, top + 0.02), WHITE),
+        upright_cylinder("bottle", (0, 0.12), 0.08, (top - 0.09, top + 0.14), rgb("3f6b4f")),
+        upright_cylinder("teapot", (0.02, -0.14), 0.15, (top - 0.09, top + 0.02), WHITE),
     ]
 
 
@@ -228,7 +230,7 @@ def kitchen_island(style: Style) -> list[Part]:
         slab("top", style, (top - 0.04, top), STEEL if style.colors == "black" else WHITE),
         *fronts(style, 3, 2, (0.1, top - 0.06), style.main, CHROME),
         board,
-        upright("bowl", (0.05, 0.3 * style.width_m), 0.24, (top, top + 0.08), style.soft),
+        upright_cylinder("bowl", (0.05, 0.3 * style.width_m), 0.24, (top, top + 0.08), style.soft),
     ]
 
 
@@ -242,8 +244,8 @@ def _pedestal(style: Style, foot: float) -> list[Part]:
     """Builds a round table top on a column; `foot` is the base's width as a share of the top's."""
     top = style.height_m
     return [
-        upright("top", (0, 0), style.width_m, (top - 0.035, top - BEARING_M), style.accent, solid=True),
+        upright_cylinder("top", (0, 0), style.width_m, (top - 0.035, top - BEARING_M), style.accent, solid=True),
         *bearings("bearing", (0, 0), style.width_m, (top - 0.03, top), style.accent, *_SUPPORT_ANGLES_DEG),
-        upright("column", (0, 0), 0.08, (0.02, top - 0.035), style.main, solid=True),
-        upright("foot", (0, 0), foot * style.width_m, (0, 0.035), style.main, solid=True),
+        upright_cylinder("column", (0, 0), 0.08, (0.02, top - 0.035), style.main, solid=True),
+        upright_cylinder("foot", (0, 0), foot * style.width_m, (0, 0.035), style.main, solid=True),
     ]

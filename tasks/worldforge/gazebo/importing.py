@@ -34,9 +34,9 @@ from ..seeds import GENERATOR_VERSION
 from .bodies import Body, make_solids, moved, tie_bodies
 from .holding import Rest, come_to_rest, pieces_around_joints
 from .mjcf_text import Names, Scene, scene_text
-from .outline import Drawn, NamedArea, bundle_texts, is_upright, world_of
 from .solids import Solid, SolidMaker
 from .visuals import Heightmaps, SeenGeom, Visuals
+from .world_record import Drawn, NamedArea, bundle_texts, is_upright, world_of
 
 Loose = Literal["hold", "free"]
 

@@ -22,7 +22,7 @@ from ..bundle.robot_map import MAP_FILES
 from ..bundle.survey import ground_at, known_map
 from ..generator import Move, Wanted
 from .mjcf_text import DAY_SKY, numbers, quaternion
-from .outline import AREA, Drawn, NamedArea, bundle_texts, world_of
+from .world_record import AREA, Drawn, NamedArea, bundle_texts, world_of
 
 _MOST_NAMED = 12
 _MOST_FRICTION = 10.0
@@ -53,7 +53,7 @@ def vary_imported(bundle: Path, wanted: Wanted, arn: str | None, folder: Path) -
     changes = [
         *(model.move(name, move) for name, move in wanted.moved.items()),
         *(model.remove(name) for name in wanted.removed),
-        *(model.rub(name, friction) for name, friction in wanted.friction.items()),
+        *(model.set_friction(name, friction) for name, friction in wanted.friction.items()),
     ]
     light = wanted.light or world.appearance
     if light != world.appearance:
@@ -155,7 +155,7 @@ class _Model:
         self._bodies.pop(name, None)
         return Change(what="removed", thing=name, before="there", after="not there")
 
-    def rub(self, name: str, friction: float) -> Change:
+    def set_friction(self, name: str, friction: float) -> Change:
         """Sets the sliding friction of a piece (or of all pieces: `*`) against whatever touches it.
 
         Of two geoms MuJoCo takes the larger friction, unless one has a higher priority: the one that was set last has.

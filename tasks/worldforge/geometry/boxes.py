@@ -1,15 +1,23 @@
 """Axis-aligned rectangles, and poses of furniture that is parallel to the walls.
 
 These are plain tuples: rooms hold dozens of rectangles, not thousands, and arrays would cost more than they save.
+`room_rects` alone gives an array, since pictures compare thousands of points with it.
 """
 
+import itertools
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from ....schemas.worlds.world import Furniture, Point, bounds
+import numpy as np
+from numpy.typing import NDArray
+
+from ....schemas.worlds.world import Furniture, Point, Room, bounds, contains
 
 Box = tuple[float, float, float, float]
 """Rectangle: west, south, east, north, in metres."""
+
+Rects = NDArray[np.float64]
+"""Rectangles, shape (n, 4): west, south, east, north, in metres."""
 
 FRONTS: tuple[tuple[int, int], ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
 """Unit vectors of the facing directions, by quarter turns from +x."""
@@ -96,3 +104,22 @@ def left_over(low: float, high: float, taken: Sequence[tuple[float, float]]) -> 
             return spans
     spans.append((at, high))
     return spans
+
+
+def room_rects(room: Room) -> Rects:
+    """Divides a room's floor into rectangles that do not overlap.
+
+    Each row of the result is one rectangle: west, south, east and north in metres.
+    """
+    xs, ys = (sorted({corner[axis] for corner in room.polygon}) for axis in (0, 1))
+    rows: list[Box] = []
+    for y0, y1 in itertools.pairwise(ys):
+        start: float | None = None
+        for x0, x1 in itertools.pairwise(xs):
+            inside = contains(room.polygon, (x0 + x1) / 2, (y0 + y1) / 2)
+            if inside and start is None:
+                start = x0
+            if start is not None and (not inside or x1 == xs[-1]):
+                rows.append((start, y0, x1 if inside else x0, y1))
+                start = None
+    return np.array(rows)

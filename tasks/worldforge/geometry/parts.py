@@ -126,13 +126,15 @@ def box(name: str, x: Span, y: Span, z: Span, color: Color, *, solid: bool = Fal
     return Part(name, "box", center, (x[1] - x[0], y[1] - y[0], z[1] - z[0]), color, solid)
 
 
-def upright(name: str, at: tuple[float, float], diameter: float, z: Span, color: Color, *, solid: bool = False) -> Part:
+def upright_cylinder(
+    name: str, at: tuple[float, float], diameter: float, z: Span, color: Color, *, solid: bool = False
+) -> Part:
     """Makes an upright cylinder as furniture part."""
     center = (at[0], at[1], (z[0] + z[1]) / 2)
     return Part(name, "cylinder", center, (diameter, diameter, z[1] - z[0]), color, solid)
 
 
-def hidden(name: str, x: Span, y: Span, z: Span, color: Color) -> Part:
+def invisible_box(name: str, x: Span, y: Span, z: Span, color: Color) -> Part:
     """Makes an invisible box that collides, such as the core of a cushion."""
     return replace(box(name, x, y, z, color, solid=True), drawn=False)
 
@@ -154,17 +156,17 @@ def bearings(name: str, at: tuple[float, float], diameter: float, z: Span, color
     for index, angle in enumerate(angles, 1):
         x, y = diameter / 2 * cos(radians(angle)), diameter / 2 * sin(radians(angle))
         spans = (at[0] - x, at[0] + x), (at[1] - y, at[1] + y)
-        parts.append(hidden(name if index == 1 else f"{name}-{index}", *spans, z, color))
+        parts.append(invisible_box(name if index == 1 else f"{name}-{index}", *spans, z, color))
     return parts
 
 
-def lying(name: str, center: Vector, diameter: float, length: float, axis: Axis, color: Color) -> Part:
+def level_cylinder(name: str, center: Vector, diameter: float, length: float, axis: Axis, color: Color) -> Part:
     """Makes a horizontal cylinder without collisions, for handles and round doors."""
     size = (length, diameter, diameter) if axis == "x" else (diameter, length, diameter)
     return Part(name, "cylinder", center, size, color, False, axis)
 
 
-def rounded(name: str, center: Vector, size: Vector, color: Color, *, solid: bool = False) -> Part:
+def ellipsoid(name: str, center: Vector, size: Vector, color: Color, *, solid: bool = False) -> Part:
     """Makes an ellipsoid as furniture part."""
     return Part(name, "ellipsoid", center, size, color, solid)
 
@@ -209,12 +211,14 @@ def fronts(
                 opens_left = column % 2 == 0 and (columns == 1 or column < columns - 1)
                 side = span[1] - 0.04 if opens_left else span[0] + 0.04
                 low = bottom + (0.5 * height if height > 1.2 else 0.68 * height)
-                parts.append(upright(f"handle-{name}", (front - 0.006, side), 0.012, (low - 0.09, low + 0.09), handle))
+                parts.append(
+                    upright_cylinder(f"handle-{name}", (front - 0.006, side), 0.012, (low - 0.09, low + 0.09), handle)
+                )
             elif style.colors in _KNOBS:
-                parts.append(rounded(f"handle-{name}", (front - 0.006, middle, bottom + 0.5 * height), _KNOB, handle))
+                parts.append(ellipsoid(f"handle-{name}", (front - 0.006, middle, bottom + 0.5 * height), _KNOB, handle))
             else:
                 center = (front - 0.006, middle, bottom + (0.5 if rows > 1 else 0.62) * height)
-                parts.append(lying(f"handle-{name}", center, 0.012, min(0.14, width / 2), "y", handle))
+                parts.append(level_cylinder(f"handle-{name}", center, 0.012, min(0.14, width / 2), "y", handle))
     return parts
 
 
@@ -225,7 +229,7 @@ def carcass(style: Style, z: Span, top_m: float, color: Color) -> list[Part]:
     by as much, which is too little for two more boxes.
     """
     sides = (-style.half_depth_m, style.half_depth_m - 0.022), (-style.half_width_m, style.half_width_m)
-    return [box("body", *sides, z, color), hidden("inside", *sides, (0, top_m), color)]
+    return [box("body", *sides, z, color), invisible_box("inside", *sides, (0, top_m), color)]
 
 
 def slab(name: str, style: Style, z: Span, color: Color, *, inset: float = 0.0, solid: bool = False) -> Part:

@@ -109,14 +109,14 @@ def _furnished(
         # What had no room beside everything else comes first now.
         put_back(names, before)
         work = begin()
-        work.begin_with(lacking)
+        work.place_first_that_fits(lacking)
         work.furnish(kinds)
         return work, _bare_preferences(work, kinds) if is_open else []
     if "DiningTables" in kinds and work.room.type == "Living" and not work.dines:
         after = names.copy()
         put_back(names, before)
         other = begin()
-        other.begin_with(("DiningTables",))
+        other.place_first_that_fits(("DiningTables",))
         _furnish_room(other, kinds, is_open=is_open)
         if other.dines and (is_watched(other) or not is_watched(work)):
             return other, []

@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple
 from ..furniture.usual_furniture import Density, front_of
 from ..geometry.boxes import Pose, footprint
 from ..geometry.parts import Style
-from .candidates import FLUSH_M
+from .candidate_poses import FLUSH_M
 from .room_furnishing import RoomFurnishing
 from .room_space import WALL_GAP_M, Side
 
@@ -269,7 +269,7 @@ def _settle(work: RoomFurnishing, options: Iterator[tuple[float, Placed]]) -> bo
             continue
         if work.space.stays_open(*(footprint(pose, unit.style.width_m, unit.style.depth_m) for unit, pose in placed)):
             for unit, pose in placed:
-                work.stand(unit.kind, unit.style, pose, zone=not unit.blind)
+                work.place_at(unit.kind, unit.style, pose, zone=not unit.blind)
             return True
         tries += 1
         if tries == _MOST_TRIES:

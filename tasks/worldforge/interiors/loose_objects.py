@@ -10,7 +10,7 @@ from ..furniture.placed_parts import height_at
 from ..furniture.usual_furniture import Density
 from ..geometry.boxes import Box, box_of, pose_of
 from ..geometry.parts import Style
-from .candidates import against_walls, sits_at
+from .candidate_poses import against_walls, sits_at
 from .room_furnishing import RoomFurnishing
 
 MOST_LOOSE = 12
@@ -97,15 +97,15 @@ def scatter(furnished: RoomFurnishing, room_for: int, *, fill: bool = False) -> 
     """
     objects: list[Furniture] = []
     for table in furnished.placed("DiningTables"):
-        objects += _lay_table(table, furnished)[: room_for - len(objects)]
+        objects += _table_setting(table, furnished)[: room_for - len(objects)]
     chance = _ON_TOP_CHANCES[furnished.density]
     for host in [item for item in furnished.items if item.model_type in _ON_TOP]:
         if len(objects) < room_for and furnished.dice.random() < chance:
             kind = furnished.dice.choice(_ON_TOP[host.model_type])
-            objects += _on_top(host, kind, furnished, objects)
+            objects += _object_on_top(host, kind, furnished, objects)
     for _ in range(_ON_FLOOR_COUNTS[furnished.density]):
         if len(objects) < room_for:
-            objects += _on_floor(furnished, _ON_FLOOR[furnished.room.type])
+            objects += _objects_on_floor(furnished, _ON_FLOOR[furnished.room.type])
     if fill:
         _fill(furnished, room_for, objects)
     return objects[:room_for]
@@ -121,14 +121,14 @@ def _fill(furnished: RoomFurnishing, room_for: int, objects: list[Furniture]) ->
         having: list[Furniture] = []
         for host in hosts:
             kind = furnished.dice.choice(_ON_MORE_TOPS[host.model_type])
-            more = _on_top(host, kind, furnished, objects) if len(objects) < room_for else []
+            more = _object_on_top(host, kind, furnished, objects) if len(objects) < room_for else []
             objects += more
             having += [host] if more else []
         hosts = having
     corners, misses = furnished.space.beside_ways(), 0
     while len(objects) < room_for and misses < _MOST_MISSES:
         kinds = _MORE_ON_FLOOR.get(furnished.room.type, _ON_FLOOR[furnished.room.type])
-        more = _on_floor(furnished, _SMALLEST if misses else kinds, corners)
+        more = _objects_on_floor(furnished, _SMALLEST if misses else kinds, corners)
         objects += more
         misses = 0 if more else misses + 1
 
@@ -137,7 +137,7 @@ def _style(kind: str, furnished: RoomFurnishing) -> Style:
     return furnished.dice.choice(styles_of(kind))
 
 
-def _lay_table(table: Furniture, furnished: RoomFurnishing) -> list[Furniture]:
+def _table_setting(table: Furniture, furnished: RoomFurnishing) -> list[Furniture]:
     """Returns a plate and a cup in front of each of the first chairs at a table, without those that find no place."""
     laid: list[Furniture] = []
     plate, cup = _style("Plate", furnished), _style("Cup", furnished)
@@ -164,7 +164,7 @@ def _in_frame(host: Furniture, x: float, y: float) -> tuple[float, float]:
     return (x - host.x) * c + (y - host.y) * s, (y - host.y) * c - (x - host.x) * s
 
 
-def _on_top(host: Furniture, kind: str, furnished: RoomFurnishing, there: list[Furniture]) -> list[Furniture]:
+def _object_on_top(host: Furniture, kind: str, furnished: RoomFurnishing, there: list[Furniture]) -> list[Furniture]:
     """Places an object on a furnishing, beside decoration and objects that are already there.
 
     Returns a list of that object, or an empty one if no free place was found.
@@ -193,7 +193,9 @@ def _half_extents(style: Style, turn: float) -> tuple[float, float]:
     return (style.depth_m * c + style.width_m * s) / 2, (style.depth_m * s + style.width_m * c) / 2
 
 
-def _on_floor(furnished: RoomFurnishing, kinds: Sequence[str], corners: Sequence[Point] = ()) -> list[Furniture]:
+def _objects_on_floor(
+    furnished: RoomFurnishing, kinds: Sequence[str], corners: Sequence[Point] = ()
+) -> list[Furniture]:
     """Places an object, or a pair of shoes, at a free spot on the floor that does not block robots' paths.
 
     Args:

@@ -12,7 +12,7 @@ from ..furniture.catalogue import COMPACT, styles_of
 from ..furniture.usual_furniture import FIRST, KITCHEN_RUN, RULES, Density, Rule, first_count, forms_for, front_of
 from ..geometry.boxes import Box, Pose, box_of, footprint, pose_of
 from ..geometry.parts import Style
-from . import candidates
+from . import candidate_poses
 from .room_density import COVERAGE_CAP, MOST_PIECES, wished_share
 from .room_space import TALL_M, RoomSpace
 
@@ -124,7 +124,7 @@ class RoomFurnishing:
         space = RoomSpace(room, floorplan, is_small=is_small)
         return cls(room, space, density, dice, new_id, _taste=taste, _kitchens=kitchens, is_small=is_small)
 
-    def begin_with(self, kinds: Sequence[str]) -> None:
+    def place_first_that_fits(self, kinds: Sequence[str]) -> None:
         """Places furniture types in the order given until one fits; that one is placed, and no other."""
         for kind in kinds:
             if not self._place(kind):
@@ -263,7 +263,7 @@ class RoomFurnishing:
                 if not self.fits(kind, style, pose, group):
                     continue
                 if self.space.stays_open(*self._takes(kind, style, pose)):
-                    self.stand(kind, style, pose)
+                    self.place_at(kind, style, pose)
                     return ""
                 reason = f"a {style.form} of {style.width_m:.2f} m would block the ways through {self.room.name}"
                 tries += 1
@@ -296,7 +296,7 @@ class RoomFurnishing:
         box, seat = footprint(pose, style.width_m, style.depth_m), RULES[kind].seat_m
         if not seat:
             return [box]
-        right, left = candidates.DESK_SEAT_M - _HALF_SEAT_M, candidates.DESK_SEAT_M + _HALF_SEAT_M
+        right, left = candidate_poses.DESK_SEAT_M - _HALF_SEAT_M, candidate_poses.DESK_SEAT_M + _HALF_SEAT_M
         return [box, pose.box(style.depth_m / 2, style.depth_m / 2 + seat, right, left)]
 
     def _zones(self, kind: str, style: Style, pose: Pose) -> Iterator[list[Box]]:
@@ -322,7 +322,7 @@ class RoomFurnishing:
         else:
             yield [*zones, left, right]
 
-    def stand(self, kind: str, style: Style, pose: Pose, *, zone: bool = True) -> Furniture:
+    def place_at(self, kind: str, style: Style, pose: Pose, *, zone: bool = True) -> Furniture:
         """Places a piece of furniture at a pose that has been checked, rounded to millimetres.
 
         Args:
@@ -368,7 +368,7 @@ class RoomFurnishing:
         elif rule.relation == "facing" and partners:
             walls = self._alone(kind, rule, style)
             yield Group(
-                [pose._replace(score=pose.score + candidates.facing_bonus(pose, partners[0])) for pose in walls]
+                [pose._replace(score=pose.score + candidate_poses.facing_bonus(pose, partners[0])) for pose in walls]
             )
             return
         if rule.relation not in ("run", "facing"):
@@ -389,7 +389,7 @@ class RoomFurnishing:
         """
         there = self.placed(kind)
         if rule.relation == "around":
-            return sorted(partners, key=lambda table: sum(candidates.sits_at(chair, table) for chair in there))
+            return sorted(partners, key=lambda table: sum(candidate_poses.sits_at(chair, table) for chair in there))
         if rule.relation != "beside" or kind == "Nightstands":
             return partners
         return [
@@ -400,26 +400,26 @@ class RoomFurnishing:
 
     def _relate(self, rule: Rule, partner: Furniture, style: Style) -> list[Pose]:
         if rule.relation == "beside":
-            return candidates.beside(partner, style, self.dice)
+            return candidate_poses.beside(partner, style, self.dice)
         if rule.relation == "before":
-            return candidates.before(partner, style, rule.gap_m, self.dice)
+            return candidate_poses.before(partner, style, rule.gap_m, self.dice)
         if rule.relation == "gathered":
-            return candidates.gathered(partner, style, rule.gap_m, self.dice)
+            return candidate_poses.gathered(partner, style, rule.gap_m, self.dice)
         if rule.relation == "around":
-            return candidates.around(partner, style)
-        return candidates.at_desk(partner, style)
+            return candidate_poses.around(partner, style)
+        return candidate_poses.at_desk(partner, style)
 
     def _alone(self, kind: str, rule: Rule, style: Style) -> list[Pose]:
         if rule.spot == "corner":
-            return candidates.in_corners(self.space, style, self.dice)
+            return candidate_poses.in_corners(self.space, style, self.dice)
         if rule.spot == "open":
             run = [item for item in self.items if item.model_type in KITCHEN_RUN]
-            poses = candidates.in_the_open(self.space, self.dice, run if self.room.type == "Kitchen" else [])
+            poses = candidate_poses.in_the_open(self.space, self.dice, run if self.room.type == "Kitchen" else [])
             return (
                 [pose._replace(score=self._dining_score(pose)) for pose in poses] if kind == "DiningTables" else poses
             )
         front, tall = front_of(kind, self.room.type), style.height_m > TALL_M or rule.hides_window
-        return candidates.against_walls(self.space, style, front, rule.prefer, self.dice, tall=tall)
+        return candidate_poses.against_walls(self.space, style, front, rule.prefer, self.dice, tall=tall)
 
     @property
     def dines(self) -> bool:
@@ -428,14 +428,14 @@ class RoomFurnishing:
         return any(self._to_kitchen_m(pose_of(table)) <= _MEALS_M for table in tables)
 
     def _to_kitchen_m(self, pose: Pose) -> float:
-        return min((candidates.distance(pose, kitchen) for kitchen in self._kitchens), default=0.0)
+        return min((candidate_poses.distance(pose, kitchen) for kitchen in self._kitchens), default=0.0)
 
     def _dining_score(self, pose: Pose) -> float:
         """Scores a dining table's pose: central in a dining room, at the side in a living room, near the kitchen."""
         away = self._to_kitchen_m(pose)
         if self.room.type != "Living":
             return pose.score - max(0.0, away - _MEALS_M)
-        return -away + (min(0.0, pose.score - candidates.OPEN_SCORE) if self._dines_aside else -pose.score)
+        return -away + (min(0.0, pose.score - candidate_poses.OPEN_SCORE) if self._dines_aside else -pose.score)
 
     @property
     def _dines_aside(self) -> bool:
@@ -446,6 +446,6 @@ class RoomFurnishing:
         """Yields poses next to units of the kitchen row, else along a wall; never a second separate counter."""
         run = [item for item in run if self.room.type == "Kitchen" or item.model_type == kind]
         if run:
-            yield Group([pose for item in run for pose in candidates.next_to(item, style)])
+            yield Group([pose for item in run for pose in candidate_poses.next_to(item, style)])
         if not (self.room.type == "Kitchen" and kind == "Storage" and run):
             yield Group(self._alone(kind, rule, style))

@@ -4,17 +4,11 @@ import itertools
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ....schemas.worlds.world import Floorplan, Passage, Point, Room, Wall, bounds, contains
 from ..doors.door_parts import open_box, swept_box
 from ..geometry.boxes import FRONTS, Box, Pose, hits, left_over, strip
 from ..geometry.occupancy import wall_corners
 from .free_ways import Ways
-
-Rects = NDArray[np.float64]
-"""Rectangles, shape (n, 4): west, south, east, north, in metres."""
 
 TALL_M = 1.1
 """Height above which furniture would cover the glass of a window, in metres."""
@@ -241,25 +235,6 @@ def _complement(room: Room) -> list[Box]:
         for y0, y1 in itertools.pairwise(ys)
         if not contains(room.polygon, (x0 + x1) / 2, (y0 + y1) / 2)
     ]
-
-
-def room_rects(room: Room) -> Rects:
-    """Divides a room's floor into rectangles that do not overlap.
-
-    Each row of the result is one rectangle: west, south, east and north in metres.
-    """
-    xs, ys = (sorted({corner[axis] for corner in room.polygon}) for axis in (0, 1))
-    rows: list[Box] = []
-    for y0, y1 in itertools.pairwise(ys):
-        start: float | None = None
-        for x0, x1 in itertools.pairwise(xs):
-            inside = contains(room.polygon, (x0 + x1) / 2, (y0 + y1) / 2)
-            if inside and start is None:
-                start = x0
-            if start is not None and (not inside or x1 == xs[-1]):
-                rows.append((start, y0, x1 if inside else x0, y1))
-                start = None
-    return np.array(rows)
 
 
 def _walls_near(box: Box, floorplan: Floorplan) -> list[Box]:

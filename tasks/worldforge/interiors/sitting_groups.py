@@ -6,7 +6,7 @@ from math import hypot, inf
 from ..furniture.usual_furniture import RULES, Density
 from ..geometry.boxes import Box, Pose, footprint, pose_of
 from ..geometry.parts import Style
-from .candidates import against_walls, facing, in_the_open
+from .candidate_poses import against_walls, facing, in_the_open
 from .room_furnishing import RoomFurnishing
 
 _MOST_SEAT_TRIES = 12
@@ -83,7 +83,7 @@ def _place_group(work: RoomFurnishing) -> bool:
         group = [("Sofas", sofa, spot), ("CoffeeTables", table, spot.moved(to_table, 0.0, 2)), *chairs]
         if work.space.stays_open(*(footprint(pose, style.width_m, style.depth_m) for _, style, pose in group)):
             for kind, style, pose in group:
-                work.stand(kind, style, pose)
+                work.place_at(kind, style, pose)
             return True
     return False
 
@@ -107,7 +107,7 @@ def arrange_balcony(work: RoomFurnishing) -> None:
         boxes = [footprint(each, style.width_m, style.depth_m) for _, style, each in group]
         if all(map(work.space.admits, boxes)) and work.space.stays_open(*boxes):
             for kind, style, each in group:
-                work.stand(kind, style, each)
+                work.place_at(kind, style, each)
             return
 
 
@@ -139,7 +139,7 @@ def _place_pair(work: RoomFurnishing, screen: Style, sofa: Style, table: Style |
         if not all(map(work.space.admits, boxes)):
             continue
         if work.space.stays_open(*boxes):
-            stood = [work.stand(kind, style, pose) for kind, style, pose in pieces]
+            stood = [work.place_at(kind, style, pose) for kind, style, pose in pieces]
             work.space.keep_clear(stood[1].id, sight)
             return True
         tries += 1

@@ -38,7 +38,7 @@ def furnish_small(
         put_back(names, before)
         work = begin()
         for kind in first:
-            work.begin_with((kind,))
+            work.place_first_that_fits((kind,))
         fill(work)
         lacking = _lacking(work, kinds)
         worth = sum(_worth(work, group) for group in lacking)

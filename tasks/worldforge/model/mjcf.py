@@ -33,13 +33,13 @@ from ..decor.decor import Decoration, decorate
 from ..decor.faces import WINDOW_HEAD_M as WINDOW_HEAD_M
 from ..decor.faces import WINDOW_SILL_M as WINDOW_SILL_M
 from ..decor.faces import walls_of_windows, windows_in
-from ..decor.lights import light_lines, material_lines, reach_m
+from ..decor.lights_and_ceilings import light_lines, material_lines, reach_m
 from ..decor.openings import LAID, wall_halves
 from ..doors.door_parts import door_lines
 from ..furniture.catalogue import IMPORTED, styles_of
 from ..furniture.placed_parts import Solid, solids_of
+from ..geometry.boxes import room_rects
 from ..geometry.parts import Axis
-from ..interiors.room_space import room_rects
 from ..materials.materials import FLOORS, surface_finish, surface_name
 from ..materials.textures import LAYOUT, SKY, texture_size_m
 from ..ornaments.ornament_shapes import Shapes
@@ -91,7 +91,7 @@ def decorated_mjcf(world: World) -> tuple[str, dict[str, str]]:
         The text, and the content of each mesh file by its path relative to the model.
     """
     shapes = Shapes()
-    made = decorate(world, wall_faces, shapes)
+    made = decorate(world, wall_surfaces, shapes)
     return _text(world, made, shapes), made.files
 
 
@@ -217,7 +217,7 @@ def _surfaces(index: int, room: Room, ceiling_m: float | None) -> Iterator[str]:
         yield f'    <geom name="ceiling_{index}_{number}" {ceiling} rgba="0.96 0.95 0.93 1" {hidden}/>'
 
 
-def wall_faces(wall: Wall, world: World) -> tuple[str, str]:
+def wall_surfaces(wall: Wall, world: World) -> tuple[str, str]:
     """Returns the material names of a wall's right and left side, seen from its start.
 
     A side that is in no room has `wall_outside`.
@@ -244,7 +244,7 @@ def _wall(index: int, wall: Wall, world: World, *, hidden: bool) -> Iterator[str
     x, y, z = (x0 + x1) / 2, (y0 + y1) / 2, wall.bottom_m + height / 2
     half_length = (abs(x1 - x0) + abs(y1 - y0)) / 2
     quat, group = ALONG_X if along_x else ALONG_Y, ' group="3"' if hidden else ""
-    for suffix, shift, half, material in wall_halves(wall, wall_faces(wall, world)):
+    for suffix, shift, half, material in wall_halves(wall, wall_surfaces(wall, world)):
         pos = _numbers(x, y + shift, z) if along_x else _numbers(x - shift, y, z)
         size = _numbers(half_length, height / 2, half)
         shape = f'type="box" pos="{pos}" quat="{quat}" size="{size}" material="{material}"'

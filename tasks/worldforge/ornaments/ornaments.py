@@ -194,7 +194,7 @@ def joined(parts: Iterable[tuple[Floats, Ints]]) -> tuple[Floats, Ints]:
     return np.concatenate(vertices), np.concatenate(triangles)
 
 
-def turned(profile: Sequence[tuple[float, float]], sections: int) -> Mesh:
+def turned_open(profile: Sequence[tuple[float, float]], sections: int) -> Mesh:
     """Makes a surface of revolution about z from a profile of radii and heights, from the bottom up.
 
     It is closed at the bottom and open at the top. Lengths are in the profile's unit.

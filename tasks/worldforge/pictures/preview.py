@@ -15,12 +15,11 @@ from ....schemas.worlds.world import Furniture, Room, Wall, Window, World, bound
 from ..decor.faces import walls_of_windows
 from ..doors.door_parts import cut_door_solids
 from ..furniture.placed_parts import Solid, solids_of, turn
-from ..geometry.boxes import strip
+from ..geometry.boxes import room_rects, strip
 from ..geometry.parts import Color, Vector, rgb
-from ..interiors.room_space import room_rects
 from ..materials.materials import surface_name
 from ..materials.textures import sample
-from ..model.mjcf import wall_faces
+from ..model.mjcf import wall_surfaces
 from .preview_labels import with_labels
 from .preview_raster import Block, Image, LightMap, Palette, Raster, View
 from .preview_things import things_from_above
@@ -138,13 +137,13 @@ def _draw_building(world: World, raster: Raster, palette: Palette) -> tuple[list
 
 def _top_m(wall: Wall, world: World) -> float:
     """Returns the height in metres at which a wall is cut: low for outer ones in south or west, which hide others."""
-    right, left = wall_faces(wall, world)
+    right, left = wall_surfaces(wall, world)
     forward = wall.end[0] > wall.start[0] or wall.end[1] < wall.start[1]  # south or west of it lies to its right
     return _NEAR_CUT_M if wall.exterior and (right if forward else left) == _OUTSIDE else _CUT_M
 
 
 def _draw_wall(wall: Wall, top_m: float, world: World, raster: Raster, palette: Palette) -> Block:
-    right, left = wall_faces(wall, world)
+    right, left = wall_surfaces(wall, world)
     (x0, y0), (x1, y1) = wall.start, wall.end
     half = wall.thickness_m / 2
     if abs(x1 - x0) >= abs(y1 - y0):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ....schemas.worlds.world import Room, Window, World, contains
 from ..decor.faces import window_heights
-from ..decor.lights import lamp_spots
+from ..decor.lights_and_ceilings import lamp_spots
 from ..geometry.parts import Vector
 from .outside import outside
 from .ray_casting import Array, Flags, Hits, RayCaster

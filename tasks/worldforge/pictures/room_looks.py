@@ -9,11 +9,10 @@ import mujoco
 import numpy as np
 
 from ....schemas.worlds.world import Passage, World
-from ..decor.lights import LAMP_SHADE
+from ..decor.lights_and_ceilings import LAMP_SHADE
 from ..decor.openings import LAID
-from ..geometry.boxes import Box, strip
+from ..geometry.boxes import Box, room_rects, strip
 from ..geometry.parts import Vector
-from ..interiors.room_space import room_rects
 from ..materials.materials import surface_name
 from ..materials.textures import sample, texture_size_m
 from .fine_forms import drawn, is_cloth, is_panelled, panel, weave

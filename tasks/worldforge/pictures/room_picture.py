@@ -12,9 +12,8 @@ import numpy as np
 from PIL import Image
 
 from ....schemas.worlds.world import Furniture, GazeboSource, Room, World, contains
-from ..geometry.boxes import box_of, hits
+from ..geometry.boxes import box_of, hits, room_rects
 from ..geometry.parts import Vector
-from ..interiors.room_space import room_rects
 from ..materials.texture_files import texture_png
 from ..materials.textures import SKY, texture_size_m
 from ..model.mjcf import TEXTURES_FOLDER, decorated_mjcf, surfaces, world_mjcf

@@ -8,7 +8,7 @@ from helpers.cartpole_spec import poles
 
 from prefect_robomaker.deployments.cli import prefect_server
 from prefect_robomaker.deployments.cli.pipelines import carry_out
-from prefect_robomaker.schemas.reports.against import Against
+from prefect_robomaker.schemas.reports.live_comparison import Against
 from prefect_robomaker.schemas.reports.run_record import Order
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.nights.open_runs import OpenRun

@@ -13,8 +13,8 @@ from helpers.planted_causes import draw, planted
 from prefect_robomaker.deployments.console.rendering import address
 from prefect_robomaker.deployments.console.sessions import Sessions
 from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
-from prefect_robomaker.schemas.reports.against import AgainstAnswer
 from prefect_robomaker.schemas.reports.challenge import Challenge, ChallengedJob, SabotageResult
+from prefect_robomaker.schemas.reports.live_comparison import AgainstAnswer
 from prefect_robomaker.schemas.reports.names import name_label
 from prefect_robomaker.schemas.reports.run_record import RerunOf
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException

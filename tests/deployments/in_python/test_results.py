@@ -12,8 +12,8 @@ from helpers.night_records import make_job, make_night, store_night
 from prefect_robomaker import Job, Run, results
 from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
 from prefect_robomaker.schemas.exit_codes import IN_WORDS
-from prefect_robomaker.schemas.reports.against import AgainstAnswer, Answer
 from prefect_robomaker.schemas.reports.challenge import Challenge, ChallengedJob, ControlResult, SabotageResult
+from prefect_robomaker.schemas.reports.live_comparison import AgainstAnswer, Answer
 from prefect_robomaker.schemas.reports.run_exit_codes import exit_code_of
 from prefect_robomaker.schemas.reports.run_record import JobRecord
 from prefect_robomaker.schemas.runs.plan import RunResult

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.reports.against import Against
+from prefect_robomaker.schemas.reports.live_comparison import Against
 from prefect_robomaker.tasks.comparison.early_stops import Decision, PairedTrials, decide
 
 ASKED = Against(run_id="old", alpha=0.05)

@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 from helpers.night_records import make_night
 
-from prefect_robomaker.schemas.reports.against import AgainstAnswer, in_words
 from prefect_robomaker.schemas.reports.comparison import Comparison
+from prefect_robomaker.schemas.reports.live_comparison import AgainstAnswer, in_words
 from prefect_robomaker.schemas.reports.run_exit_codes import exit_code_of
 from prefect_robomaker.tasks.comparison.better_or_worse import compare
 from prefect_robomaker.tasks.comparison.compared_runs import NightRun

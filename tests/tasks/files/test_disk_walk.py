@@ -12,14 +12,14 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.tasks.files.left_files import deleted_files, files_below
+from prefect_robomaker.tasks.files.untrusted_files import deleted_files, files_below
 
 MB = 10**6
 NOBODY = 65534
 SIZES_BELOW = """
 import json, os, sys
 from pathlib import Path
-from prefect_robomaker.tasks.files.left_files import files_below
+from prefect_robomaker.tasks.files.untrusted_files import files_below
 if os.geteuid() == 0:
     os.setgroups([]); os.setgid({user}); os.setuid({user})
 {code}

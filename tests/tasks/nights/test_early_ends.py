@@ -10,7 +10,7 @@ from helpers.cartpole_spec import poles
 from helpers.night_records import make_job, make_night, store_night
 from helpers.processes import wait_for
 
-from prefect_robomaker.schemas.reports.against import Against, AgainstAnswer
+from prefect_robomaker.schemas.reports.live_comparison import Against, AgainstAnswer
 from prefect_robomaker.schemas.reports.run_record import Interruption, Order, StepRecord
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.wire.errors import ConfigurationError, ServiceUnavailableException

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from prefect_robomaker.schemas.reports.against import Against
+from prefect_robomaker.schemas.reports.live_comparison import Against
 from prefect_robomaker.schemas.reports.run_record import Order
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.specs.specification import with_seed

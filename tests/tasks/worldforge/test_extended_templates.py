@@ -10,7 +10,7 @@ from prefect_robomaker.schemas.templates.body import LEAST_AREAS_M2, WorldTempla
 from prefect_robomaker.schemas.templates.parsing import parse_template_body
 from prefect_robomaker.schemas.worlds.world import INDOOR_ROOM_TYPES, FurnishedRoomType, Furniture, World
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
-from prefect_robomaker.tasks.worldforge.interiors.candidates import sits_at
+from prefect_robomaker.tasks.worldforge.interiors.candidate_poses import sits_at
 from prefect_robomaker.tasks.worldforge.pictures.plan_svg import floorplan_svg
 from prefect_robomaker.tasks.worldforge.proofs.guarantees import violations
 

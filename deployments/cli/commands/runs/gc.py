@@ -112,14 +112,14 @@ def _collected(policy: "RetentionPolicy", settings: "Settings", *, act: bool) ->
 def _left_behind(settings: "Settings", service: "Service", *, act: bool) -> list[str]:
     """Describes files of processes that died or lost their jobs, and deletes them if `act`, whatever the policy is."""
     from .....tasks.jobs.job_folders import overtaken_runs, remove_overtaken_runs
-    from .....tasks.runtime.process.rehearsal_rooms import left_rooms, remove_left_rooms
+    from .....tasks.runtime.process.rehearsal_folders import abandoned_folders, remove_abandoned_folders
     from ....flow_run_history import collect_limits
 
     runs = len(remove_overtaken_runs(service) if act else overtaken_runs(service))
     limits = len(collect_limits(settings, service, act=act))
     told = [f"{runs} folder(s) of runs that other processes took over"] if runs else []
     told += [f"{limits} concurrency limit(s) of batches that have ended"] if limits else []
-    rooms = len(remove_left_rooms() if act else list(left_rooms()))
+    rooms = len(remove_abandoned_folders() if act else list(abandoned_folders()))
     told += [f"{rooms} folder(s) in which job workers that were killed had rehearsed"] if rooms else []
     return [f"{'removed' if act else _LEFT}: {each}" for each in told]
 

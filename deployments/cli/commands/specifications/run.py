@@ -17,7 +17,7 @@ from ...inputs.options import find_record, output_file, percentage, seed_number,
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from .....schemas.reports.against import Against
+    from .....schemas.reports.live_comparison import Against
     from .....schemas.settings import Settings
     from .....schemas.specs.parameter_values import ParameterValue
     from .....schemas.specs.specification import CheckedSpec
@@ -86,7 +86,7 @@ def _question(arguments: argparse.Namespace, settings: "Settings") -> "Against |
     if not 0 < alpha < 1:
         raise ConfigurationError(f"--alpha is {alpha:g}; it has to be above 0 and below 1, such as 0.05")
     margin = percentage(arguments.margin, "--margin")
-    from .....schemas.reports.against import Against
+    from .....schemas.reports.live_comparison import Against
     from .....tasks.inspection.run_records import ORDER_NAME
 
     runs = settings.home / "runs"

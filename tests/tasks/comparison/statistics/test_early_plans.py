@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from prefect_robomaker.schemas.reports.against import Against
+from prefect_robomaker.schemas.reports.live_comparison import Against
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.tasks.comparison.detection import PlannedTrials, Question, plan_pairs
 from prefect_robomaker.tasks.comparison.early_stops import PairedTrials, decide

@@ -14,7 +14,7 @@ from helpers.paths import REPOSITORY
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
 from prefect_robomaker.tasks.runtime.agents import agent_client, remote_robot
-from prefect_robomaker.tasks.runtime.agents.agent_client import HEADER, words
+from prefect_robomaker.tasks.runtime.agents.agent_client import HEADER, json_message
 from prefect_robomaker.tasks.runtime.agents.agent_protocol import RobotHello
 from prefect_robomaker.tasks.runtime.agents.agent_socket import agent_socket_path
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
@@ -40,7 +40,7 @@ def test_the_greeting_is_the_one_shown(make_plan: MakePlan) -> None:
     )
     shown = block("hello").replace("\n ", "\n").replace("\n ", "\n").replace("\n", "")
     greeting = remote_robot._greeting(make_plan(), "driver", 0.05, *remote_robot._layouts(environment))
-    assert words(1, greeting)[8:].decode() == shown
+    assert json_message(1, greeting)[8:].decode() == shown
 
 
 def test_the_greeting_of_the_robot_has_the_members_shown() -> None:

@@ -13,7 +13,7 @@ from helpers.remote_jobs import greeting
 from helpers.stop_flags import StopFlag
 
 from prefect_robomaker.schemas.runs.plan import RunPlan
-from prefect_robomaker.tasks.runtime.agents.agent_client import HELLO, words
+from prefect_robomaker.tasks.runtime.agents.agent_client import HELLO, json_message
 from prefect_robomaker.tasks.runtime.agents.agent_greeting import Greeter
 from prefect_robomaker.tasks.runtime.agents.agent_socket import AgentSocket
 
@@ -32,7 +32,7 @@ def listening(make_plan: Callable[..., RunPlan], tmp_path: Path) -> Iterator[Age
 def greeted(listening: AgentSocket, timeout_s: float) -> Iterator["Future[Any]"]:
     greeter = Greeter(listening, "driver", StopFlag(), lambda: HURRY * time.monotonic())
     with ThreadPoolExecutor(1) as pool:
-        yield pool.submit(greeter.greet, words(HELLO, {}), timeout_s)
+        yield pool.submit(greeter.greet, json_message(HELLO, {}), timeout_s)
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from helpers.remote_jobs import ARENA, Job, action, greeting, last_words
 
-from prefect_robomaker.tasks.runtime.agents.agent_client import HELLO, SimulationError, words
+from prefect_robomaker.tasks.runtime.agents.agent_client import HELLO, SimulationError, json_message
 
 
 class TestWrongGreetings:
@@ -52,7 +52,7 @@ class TestWrongGreetings:
     def test_wrong_members(self, start: Callable[..., Job], members: dict[str, Any], texts: list[str]) -> None:
         job = start()
         with job.raw() as connection:
-            connection.sendall(words(HELLO, members))
+            connection.sendall(json_message(HELLO, members))
             said = last_words(connection)
         for text in texts:
             assert text in said

@@ -14,9 +14,9 @@ from prefect_robomaker.tasks.runtime.sandbox.kernel import _MACHINES, _REFUSED
 pytestmark = pytest.mark.skipif(os.uname().machine not in _MACHINES, reason="there is no filter for this machine")
 FILTERED = """
 import ctypes, os, subprocess, sys, threading
-from prefect_robomaker.tasks.runtime.sandbox.kernel import forgo_privileges
+from prefect_robomaker.tasks.runtime.sandbox.kernel import drop_capabilities
 from prefect_robomaker.tasks.runtime.sandbox.kernel import filter_system_calls
-forgo_privileges()
+drop_capabilities()
 assert filter_system_calls()
 libc = ctypes.CDLL(None, use_errno=True)
 def refused(number, *arguments):

@@ -14,7 +14,7 @@ from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.schemas.worlds.world import INDOOR_ROOM_TYPES, Door, Floorplan, World
 from prefect_robomaker.tasks.worldforge.doors.door_parts import leaf_corners, swept_box
 from prefect_robomaker.tasks.worldforge.doors.doors import hang_doors
-from prefect_robomaker.tasks.worldforge.doors.initial_states import dress_doors
+from prefect_robomaker.tasks.worldforge.doors.styles_and_openings import dress_doors
 from prefect_robomaker.tasks.worldforge.floorplans.floorplan import generate_floorplan
 from prefect_robomaker.tasks.worldforge.generator import generate_world
 from prefect_robomaker.tasks.worldforge.model.mjcf import world_mjcf

@@ -12,7 +12,7 @@ from prefect_robomaker.tasks.worldforge.floorplans.floorplan import generate_flo
 from prefect_robomaker.tasks.worldforge.furniture.usual_furniture import RULES
 from prefect_robomaker.tasks.worldforge.generator import generate_world
 from prefect_robomaker.tasks.worldforge.geometry.occupancy import furniture_corners
-from prefect_robomaker.tasks.worldforge.interiors.candidates import sits_at
+from prefect_robomaker.tasks.worldforge.interiors.candidate_poses import sits_at
 from prefect_robomaker.tasks.worldforge.interiors.interior import furnish
 
 from ..conftest import MakeBody

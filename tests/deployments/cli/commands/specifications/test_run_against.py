@@ -9,8 +9,8 @@ from helpers.night_records import make_job, make_night, store_night
 
 from prefect_robomaker.deployments.cli.commands.specifications.run import again
 from prefect_robomaker.deployments.cli.grammar import build_parser
-from prefect_robomaker.schemas.reports.against import AgainstAnswer
 from prefect_robomaker.schemas.reports.challenge import Challenge
+from prefect_robomaker.schemas.reports.live_comparison import AgainstAnswer
 from prefect_robomaker.schemas.reports.run_record import RunRecord
 
 RUN = "nightly-20260301T020000000"

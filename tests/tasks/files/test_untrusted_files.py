@@ -6,7 +6,7 @@ from typing import cast
 
 import pytest
 
-from prefect_robomaker.tasks.files.left_files import unfinished_of, write_all, write_anew
+from prefect_robomaker.tasks.files.untrusted_files import unfinished_of, write_all, write_anew
 
 
 def test_a_link_that_a_program_left_is_not_followed(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from prefect_robomaker.schemas.worlds.world import Furniture
 from prefect_robomaker.tasks.worldforge.furniture.catalogue import styles_of
 from prefect_robomaker.tasks.worldforge.furniture.placed_parts import solids_of
 from prefect_robomaker.tasks.worldforge.geometry.parts import Style
-from prefect_robomaker.tasks.worldforge.interiors.candidates import around
+from prefect_robomaker.tasks.worldforge.interiors.candidate_poses import around
 
 TURNS = (0.0, np.pi / 2, np.pi, -np.pi / 2)
 

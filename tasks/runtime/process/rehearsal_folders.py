@@ -14,7 +14,7 @@ _NEW_S = 60.0
 """Age in seconds below which an unlocked folder is left alone: its process may not have locked it yet."""
 
 
-def make_room() -> tuple[Path, int]:
+def make_locked_folder() -> tuple[Path, int]:
     """Creates a locked temporary folder for the warm-up of a process.
 
     Returns:
@@ -26,21 +26,21 @@ def make_room() -> tuple[Path, int]:
     return folder, lock
 
 
-def remove_left_rooms() -> list[Path]:
+def remove_abandoned_folders() -> list[Path]:
     """Deletes this user's warm-up folders whose process was killed.
 
     Returns:
         The deleted folders.
     """
     found: list[Path] = []
-    for left in left_rooms():
+    for left in abandoned_folders():
         shutil.rmtree(left, ignore_errors=True)
         if not left.exists():
             found.append(left)
     return found
 
 
-def left_rooms() -> Iterator[Path]:
+def abandoned_folders() -> Iterator[Path]:
     """Yields each warm-up folder of this user whose process was killed, while holding its lock; skips those in use."""
     for left in sorted(Path(tempfile.gettempdir()).glob(f"{_PREFIX}*")):
         with suppress(OSError):  # it is in use, another user's, or has just been removed

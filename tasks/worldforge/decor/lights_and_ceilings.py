@@ -8,10 +8,10 @@ from math import hypot
 
 from ....schemas.worlds.appearance import APPEARANCES, DAY
 from ....schemas.worlds.world import Room, World, bounds
+from ..geometry.boxes import room_rects
 from ..geometry.parts import Vector, rgb
-from ..interiors.room_space import room_rects
 from ..materials.materials import surface_finish, surface_name
-from ..ornaments.ornaments import Mesh, Ornament, joined, numbers, sheet, turned
+from ..ornaments.ornaments import Mesh, Ornament, joined, numbers, sheet, turned_open
 from .faces import Face, faces
 
 MOST_LAMPS = 6
@@ -104,7 +104,7 @@ def lamp_shades(world: World) -> Iterator[tuple[Ornament, Mesh | None]]:
     All lamps have one mesh, which comes with the first of them; for the others it is `None`.
     """
     profile = ((0.0, 0.0), (0.1, 0.012), (0.17, 0.04), (0.2, _SHADE_M))
-    bowl = turned(profile, 16)
+    bowl = turned_open(profile, 16)
     for index, (x, y, _) in enumerate(lamp_spots(world)):
         place = (x, y, world.floorplan.ceiling_height_m - _SHADE_M)
         look = f'material="{LAMP_SHADE}"'
