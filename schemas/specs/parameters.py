@@ -293,10 +293,17 @@ def _wanted(value: Any, declared: Parameter) -> str:
     return "" if fits else f"it has to be {_allowed(declared)}"
 
 
-def _one_of(choices: list[str]) -> str:
-    return (
-        f"it has to be {' or '.join(choices)}" if len(choices) <= 3 else f"it has to be one of {first_words(choices)}"
-    )
+def _allowed(declared: Parameter) -> str:
+    """Describes all allowed values of a parameter: `control or treatment`, `a whole number from 1 to 50`."""
+    if choices := declared.choices:
+        return " or ".join(choices) if len(choices) <= 3 else f"one of {first_words(choices)}"
+    low, high = declared.minimum, declared.maximum
+    wanted = _WANTED[declared.value_type]
+    if low is not None and high is not None:
+        return f"{wanted} from {low} to {high}"
+    if low is not None or high is not None:
+        return f"{wanted}, {f'at least {low}' if low is not None else f'at most {high}'}"
+    return f"{wanted} that matches {declared.pattern}" if declared.pattern is not None else wanted
 
 
 def _is_of_type(value: Any, kind: ValueType) -> bool:

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...schemas.reports.causes import CellPlot, Claim, FailureGroup, MarginPlot, Sensitivity, Why
-from ...schemas.wire.common import counted
 from ...schemas.reports.live_comparison import FEWEST_WORLDS
+from ...schemas.wire.common import counted
 from ..results.table import ResultTable
 from .compared import compared, is_compared_with_failures
 from .evidence import AxisColumn, Evidence, evidence_of, varies

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...schemas.reports.causes import Sensitivity
-from ...schemas.wire.common import counted
 from ...schemas.reports.live_comparison import FEWEST_WORLDS
+from ...schemas.wire.common import counted
 from ..results.rates import margin_units
 from ..results.table import ResultTable
 from .evidence import AxisColumn, Evidence
