@@ -286,7 +286,7 @@ def _lit(colors: Colors, raster: Raster, palette: Palette, light: LightMap) -> C
     """Returns the finished picture: light is asked once for a pixel, and for each of its parts where faces meet."""
     step, ids, sunny = _SUPERSAMPLING, raster.ids, palette.sunny()
     kind, deep = ids[::step, ::step], raster.depth[::step, ::step]
-    rows, columns = np.ogrid[: ids.shape[0] : step, : ids.shape[1] : step]
+    rows, columns = np.arange(0, ids.shape[0], step)[:, None], np.arange(0, ids.shape[1], step)
     near = ndimage.uniform_filter(_metres(raster.view, deep, rows, columns)[0], _HOLLOW_PX)
     reduced = np.asarray(PilImage.fromarray(colors).reduce(step))
     lit = np.empty(reduced.shape, np.uint8)
@@ -297,13 +297,14 @@ def _lit(colors: Colors, raster: Raster, palette: Palette, light: LightMap) -> C
             reduced[band] * _light(raster.view, light, *places, kind[band], sunny, near[band])[..., None]
         )
     mixed = np.flatnonzero(_mixed(ids))
-    rows, columns = (axis * step for axis in np.divmod(mixed, lit.shape[1]))
+    down_px, right_px = mixed // kind.shape[1], mixed % kind.shape[1]
     around, total = near.ravel()[mixed], np.zeros((len(mixed), 3), np.float32)
     every, flat_ids, depths = colors.reshape(-1, 3), ids.ravel(), raster.depth.ravel()
     for down in range(step):
         for right in range(step):
-            own = (rows + down) * ids.shape[1] + columns + right
-            places = _metres(raster.view, depths[own], rows + down, columns + right)
+            below, beside = down_px * step + down, right_px * step + right
+            own = below * ids.shape[1] + beside
+            places = _metres(raster.view, depths[own], below, beside)
             total += every[own] * _light(raster.view, light, *places, flat_ids[own], sunny, around)[:, None]
     lit.reshape(-1, 3)[mixed] = _rounded(total / np.float32(step * step))
     return lit

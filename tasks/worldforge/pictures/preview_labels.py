@@ -124,7 +124,7 @@ def _place(name: str, area: str, floor: NDArray[np.bool_]) -> tuple[_Form, tuple
 def _covered(floor: NDArray[np.bool_], height: int, width: int) -> NDArray[np.float32]:
     """Share of a label around each place that is on the floor."""
     covered = ndimage.uniform_filter1d(floor.astype(np.float32), height, axis=0, mode="constant")
-    return np.asarray(ndimage.uniform_filter1d(covered, width, axis=1, mode="constant"))
+    return np.asarray(ndimage.uniform_filter1d(covered, width, axis=1, mode="constant"), np.float32)
 
 
 def readable(room: Room) -> str:
