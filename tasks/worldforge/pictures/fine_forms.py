@@ -42,6 +42,8 @@ _LEAST_PANEL_M = 0.22
 _FRAME_M, _SLOPE_M = 0.06, 0.011
 """Width of a door's frame up to the middle of the slope to its panel, and half the slope's width, in metres."""
 _SLOPE_SHADE, _PANEL_SHADE = 0.78, 0.98
+_GAP_M, _GAP_SHADE = 0.004, 0.45
+"""Width of the dark gap around a door or drawer, and the share of light in it."""
 _THREADS_PER_M, _FOLDS_PER_M = 210.0, 14.0
 _WEAVE, _CREASE = 0.13, 0.09
 """Differences of brightness between threads of cloth, and between its places, as shares of the whole."""
@@ -147,14 +149,14 @@ def is_cloth(name: str) -> bool:
 
 
 def panel(inside: Array, half: Array) -> tuple[Array, Array]:
-    """Finds the slopes between frames and panels of doors.
+    """Finds the slopes between frames and panels of doors, and the gaps around these.
 
     Args:
         inside: Places on boxes, in metres from their middles, shape (n, 3).
         half: Half extents of the boxes, shape (n, 3).
 
     Returns:
-        Where the surface turns on the slopes, shape (n, 3), and the share of light there, shape (n,).
+        Where the surface turns on the slopes, shape (n, 3), and the share of light on slopes and in gaps, shape (n,).
     """
     rows = np.arange(len(inside))
     thick = np.argmin(half, axis=1)
@@ -168,7 +170,9 @@ def panel(inside: Array, half: Array) -> tuple[Array, Array]:
     turned = np.zeros_like(inside)
     turned[rows, nearest] = -np.sign(inside[rows, nearest]) * slope
     deep = on_face & (away > _FRAME_M)
-    return turned, 1 - (1 - _SLOPE_SHADE) * slope - (1 - _PANEL_SHADE) * deep
+    gap = on_face * np.clip(1.5 - away / _GAP_M, 0, 1)
+    share = 1 - (1 - _SLOPE_SHADE) * slope - (1 - _PANEL_SHADE) * deep
+    return turned, share * (1 - (1 - _GAP_SHADE) * gap)
 
 
 def weave(places: Array) -> Array:

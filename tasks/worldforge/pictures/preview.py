@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image as PilImage
 from scipy import ndimage
 
-from ....schemas.worlds.world import Furniture, Room, Wall, Window, World, bounds
+from ....schemas.worlds.world import Furniture, Room, Wall, Window, World, bounds, contains
 from ..decor.faces import walls_of_windows
 from ..doors.door_parts import cut_door_solids
 from ..furniture.placed_parts import Solid, solids_of, turn
@@ -22,7 +22,7 @@ from ..materials.textures import sample
 from ..model.mjcf import wall_surfaces
 from .preview_labels import with_labels
 from .preview_raster import Block, Image, LightMap, Palette, Raster, View
-from .preview_things import things_from_above
+from .preview_things import RUG, things_from_above
 from .room_looks import THRESHOLD_COLOR, has_joint, threshold
 
 WIDTH, HEIGHT = 960, 720
@@ -35,9 +35,13 @@ _FURNITURE_CUT_M = 1.3
 """Height at which furniture is cut, in metres, so that wardrobes and fridges do not hide the rooms behind them."""
 _WHOLE = ("FloorLamps",)
 """Kinds of furniture that are not cut, as they are known by their upper ends."""
+_PLINTHS = (".plinth", ".feet")
+"""Ends of the names of parts that are set back below furniture: as lines thinner than a pixel they would be dotted."""
 _HOLLOW_PX, _HOLLOW_M, _HOLLOW = 13, 0.12, 1.5
 """Width around a pixel, depth that counts at most, and loss of light for a metre that a pixel lies deeper."""
-_MARGIN = 0.045
+_BAND_ROWS = 48
+"""Rows of a picture that are lit at once: what is known of them stays near the processor."""
+_MARGIN = 0.05
 _CUT_COLOR = rgb("fbfaf7")
 _OUTSIDE = "wall_outside"
 _GLASS = rgb("a8d0e0")
@@ -64,16 +68,17 @@ def render_preview(world: World) -> bytes:
                 blocks.append(_block(solid))
     for solid in things_from_above(world):
         if solid.center[2] < _FURNITURE_CUT_M:
+            first = palette.count
             _draw_solid(solid, raster, palette)
+            room = _room_of_rug(solid, world)
+            if room:
+                floors |= dict.fromkeys(range(first, palette.count), room)
     for solid in cut_door_solids(world.floorplan, _CUT_M):
         _draw_solid(solid, raster, palette)
     colors = np.take(palette.table(), raster.ids, axis=0)
     _lay_patterns(raster, palette, colors)
     _draw_outlines(raster, colors)
-    reduced = np.asarray(PilImage.fromarray(colors).reduce(_SUPERSAMPLING))
-    light = _light(raster, palette, LightMap.of(blocks, bounds(world.floorplan.footprint)))
-    # Half a step is added before the rest is cut off: else a shade of light shows as a line.
-    lit = np.minimum(reduced * light[..., None] + np.float32(0.5), 255).astype(np.uint8)
+    lit = _lit(colors, raster, palette, LightMap.of(blocks, bounds(world.floorplan.footprint)))
     picture = PilImage.fromarray(with_labels(lit, raster.ids[::_SUPERSAMPLING, ::_SUPERSAMPLING], floors))
     buffer = io.BytesIO()
     picture.save(buffer, format="PNG", compress_level=2)
@@ -82,11 +87,14 @@ def render_preview(world: World) -> bytes:
 
 def _view(world: World) -> View:
     """Returns the camera view that shows the whole building, as large as it fits."""
-    x0, y0, x1, y1 = bounds(world.floorplan.footprint)
     unit = View(_AZIMUTH_DEG, _ELEVATION_DEG, 1.0, (0.0, 0.0), (1, 1))
     wall = 0.15
     corners = [
-        unit.point((x, y, z)) for x in (x0 - wall, x1 + wall) for y in (y0 - wall, y1 + wall) for z in (0.0, 1.2)
+        unit.point((x + across, y + away, z))
+        for x, y in world.floorplan.footprint
+        for across in (-wall, wall)
+        for away in (-wall, wall)
+        for z in (0.0, 1.2)
     ]
     left, right = min(c[0] for c in corners), max(c[0] for c in corners)
     top, bottom = min(c[1] for c in corners), max(c[1] for c in corners)
@@ -98,7 +106,7 @@ def _view(world: World) -> View:
 
 def _cut_solids(item: Furniture) -> list[Solid]:
     """Returns the drawn solids of a piece of furniture, cut at the preview's height; some kinds stay whole."""
-    drawn = [solid for solid in solids_of(item) if solid.drawn]
+    drawn = [solid for solid in solids_of(item) if solid.drawn and not solid.name.endswith(_PLINTHS)]
     if item.model_type in _WHOLE or item.base_m + item.height_m <= _FURNITURE_CUT_M:
         return drawn
     cut: list[Solid] = []
@@ -108,6 +116,13 @@ def _cut_solids(item: Furniture) -> list[Solid]:
         if bottom < _FURNITURE_CUT_M:
             cut.append(solid._replace(center=(x, y, (bottom + top) / 2), size=(sx, sy, top - bottom)))
     return cut
+
+
+def _room_of_rug(solid: Solid, world: World) -> Room | None:
+    """Returns the room of a rug, which labels may lie on as on its floor; `None` for other things."""
+    if not solid.name.startswith(RUG):
+        return None
+    return next((room for room in world.floorplan.rooms if contains(room.polygon, *solid.center[:2])), None)
 
 
 def _draw_building(world: World, raster: Raster, palette: Palette) -> tuple[list[Block], dict[int, Room]]:
@@ -252,12 +267,15 @@ def _lay_patterns(raster: Raster, palette: Palette, colors: Colors) -> None:
     view = raster.view
     right, away, up, flat = view.axes
     kinds = np.take(palette.patterns(), raster.ids).ravel()
-    depth, flat_colors, width = raster.depth.ravel(), colors.reshape(-1, 3), raster.ids.shape[1]
+    filled = np.flatnonzero(kinds)
+    kinds = kinds[filled]
+    depth, flat_colors, width = raster.depth.ravel(), colors.reshape(-1, 3), np.int32(raster.ids.shape[1])
     scale = np.float32(view.scale)
     for number, (name, axis, share) in enumerate(palette.patterned, 1):
-        cells = np.flatnonzero(kinds == number)
-        row = cells // width
-        u = ((cells - row * width).astype(np.float32) + np.float32(0.5 - view.offset[0])) / scale
+        cells = filled[kinds == number]
+        place = cells.astype(np.int32)
+        row = place // width
+        u = ((place - row * width).astype(np.float32) + np.float32(0.5 - view.offset[0])) / scale
         v = (np.float32(view.offset[1] - 0.5) - row.astype(np.float32)) / scale
         if axis == "z":
             w = v / np.float32(up)
@@ -269,34 +287,88 @@ def _lay_patterns(raster: Raster, palette: Palette, colors: Colors) -> None:
         flat_colors[cells] = (sample(name, along, z) * np.float32(share)).astype(np.uint8)
 
 
-def _light(raster: Raster, palette: Palette, light: LightMap) -> Image:
-    """Returns the brightness of every pixel of the finished picture, from 0 to 1."""
-    view = raster.view
-    right, away, up, flat = view.axes
+def _lit(colors: Colors, raster: Raster, palette: Palette, light: LightMap) -> Colors:
+    """Returns the finished picture: light is asked once for a pixel, and for each of its parts where faces meet."""
+    step, ids, sunny = _SUPERSAMPLING, raster.ids, palette.sunny()
+    kind, deep = ids[::step, ::step], raster.depth[::step, ::step]
+    rows, columns = np.arange(0, ids.shape[0], step)[:, None], np.arange(0, ids.shape[1], step)
+    near = ndimage.uniform_filter(_metres(raster.view, deep, rows, columns)[0], _HOLLOW_PX)
+    reduced = np.asarray(PilImage.fromarray(colors).reduce(step))
+    lit = np.empty(reduced.shape, np.uint8)
+    for top in range(0, len(lit), _BAND_ROWS):
+        band = slice(top, top + _BAND_ROWS)
+        places = _metres(raster.view, deep[band], rows[band], columns)
+        lit[band] = _rounded(
+            reduced[band] * _light(raster.view, light, *places, kind[band], sunny, near[band])[..., None]
+        )
+    mixed = np.flatnonzero(_mixed(ids))
+    down_px, right_px = mixed // kind.shape[1], mixed % kind.shape[1]
+    around, total = near.ravel()[mixed], np.zeros((len(mixed), 3), np.float32)
+    every, flat_ids, depths = colors.reshape(-1, 3), ids.ravel(), raster.depth.ravel()
+    for down in range(step):
+        for right in range(step):
+            below, beside = down_px * step + down, right_px * step + right
+            own = below * ids.shape[1] + beside
+            places = _metres(raster.view, depths[own], below, beside)
+            total += every[own] * _light(raster.view, light, *places, flat_ids[own], sunny, around)[:, None]
+    lit.reshape(-1, 3)[mixed] = _rounded(total / np.float32(step * step))
+    return lit
+
+
+def _mixed(ids: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Whether several faces meet in pixels."""
     step = _SUPERSAMPLING
-    depth = raster.depth[::step, ::step] / np.float32(view.scale)
-    height, width = depth.shape
-    u = ((np.arange(width, dtype=np.float32) * step + 0.5) - view.offset[0]) / np.float32(view.scale)
-    v = (view.offset[1] - (np.arange(height, dtype=np.float32)[:, None] * step + 0.5)) / np.float32(view.scale)
+    first = ids[::step, ::step]
+    others = [ids[down::step, right::step] for down in range(step) for right in range(step)]
+    mixed = others[1] != first
+    for other in others[2:]:
+        mixed |= other != first
+    return mixed
+
+
+def _rounded(lit: Image) -> Colors:
+    """Returns whole numbers of light."""
+    # Half a step is added before the rest is cut off: else a shade of light shows as a line.
+    return np.minimum(lit + np.float32(0.5), 255).astype(np.uint8)
+
+
+def _metres(
+    view: View, depth: Image, rows: NDArray[np.int64], columns: NDArray[np.int64]
+) -> tuple[Image, Image, Image]:
+    """Returns depths, places above and places right of the origin of a raster's cells, in metres."""
+    scale, (_, _, up, flat) = np.float32(view.scale), view.axes
+    above = (np.float32(view.offset[1] - 0.5) - rows.astype(np.float32)) / scale
+    right = (columns.astype(np.float32) + np.float32(0.5 - view.offset[0])) / scale
     # Where nothing was drawn one sees the ground.
-    depth = np.where(np.isinf(depth), -v * np.float32(flat / up), depth)
+    return np.where(np.isinf(depth), -above * np.float32(flat / up), depth / scale), above, right
+
+
+def _light(
+    view: View, light: LightMap, depth: Image, v: Image, u: Image, ids: NDArray[np.int32], sunny: Image, near: Image
+) -> Image:
+    """Returns the brightness of places in a picture, whose surroundings have the mean depth `near`; in metres."""
+    right, away, up, flat = view.axes
     w, z = v * up - depth * flat, v * flat + depth * up
     # Looked up a little before the place itself: an upright face lies on the edge of its own shadow.
     w -= _BEFORE_M
-    sunny = np.take(palette.sunny(), raster.ids[::step, ::step])
     # What lies deeper than its surroundings, such as a floor along walls, gets less of the sky.
-    hollow = np.clip(ndimage.uniform_filter(depth, _HOLLOW_PX) - depth, 0, _HOLLOW_M) * np.float32(_HOLLOW)
-    hollow[raster.ids[::step, ::step] == 0] = 0
-    return light.brightness(u * right[0] + w * away[0], u * right[1] + w * away[1], z, sunny) * (1 - hollow)
+    hollow = np.clip(near - depth, 0, _HOLLOW_M) * np.float32(_HOLLOW)
+    hollow[ids == 0] = 0
+    bright = light.brightness(u * right[0] + w * away[0], u * right[1] + w * away[1], z, np.take(sunny, ids))
+    return bright * (1 - hollow)
 
 
 def _draw_outlines(raster: Raster, colors: Colors) -> None:
     """Darkens pixels at the edges of nearer surfaces; `colors` is changed in place."""
-    depth = np.maximum(raster.depth, np.float32(-1e6))
+    depth, width = np.maximum(raster.depth, np.float32(-1e6)).ravel(), raster.ids.shape[1]
     limit = np.float32(_EDGE_M * raster.view.scale)
-    lines = np.zeros(depth.shape, np.bool_)
-    step = depth[:, 1:] - depth[:, :-1]
-    lines[:, 1:] |= step > limit
-    lines[:, :-1] |= step < -limit
-    lines[1:] |= depth[1:] - depth[:-1] > limit
-    colors[lines] = (colors[lines] * np.float32(0.84)).astype(np.uint8)
+    ids, lines = raster.ids.ravel(), np.zeros(raster.ids.size, np.bool_)
+    for step in (1, width):
+        # Depth jumps only where one face ends and another begins.
+        cells = np.flatnonzero(ids[step:] != ids[:-step])
+        rise = depth[cells + step] - depth[cells]
+        lines[cells[rise > limit] + step] = True
+        if step == 1:
+            lines[cells[rise < -limit]] = True
+    flat_colors, dark = colors.reshape(-1, 3), np.flatnonzero(lines)
+    flat_colors[dark] = (flat_colors[dark] * np.float32(0.84)).astype(np.uint8)

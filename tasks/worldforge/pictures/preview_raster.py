@@ -6,8 +6,8 @@ that equal scenes give equal pictures everywhere.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import lru_cache
-from math import ceil, cos, floor, radians, sin, sqrt
+from functools import cached_property
+from math import ceil, cos, floor, radians, sin
 from typing import Any
 
 import numpy as np
@@ -25,15 +25,12 @@ _LARGE = 12_000
 _SMALLEST = 1.5
 """Area in square pixels below which a face is not drawn."""
 
+_CURVED = tuple(0.62 + 0.42 * (level + 0.5) / LEVELS for level in range(LEVELS))
+"""Brightness of these shades."""
+_ASIDE = 0.25
+"""Pixels by which rays are moved aside and up."""
+
 Image = NDArray[np.floating[Any]]
-
-
-@lru_cache(maxsize=8)
-def _axes(azimuth_deg: float, elevation_deg: float) -> tuple[tuple[float, float], tuple[float, float], float, float]:
-    turn, tilt = radians(azimuth_deg), radians(elevation_deg)
-    # Nine digits: the last bits of cos and sin differ between C libraries.
-    c, s, up, flat = (round(value, 9) for value in (cos(turn), sin(turn), sin(tilt), cos(tilt)))
-    return (c, s), (-s, c), up, flat
 
 
 @dataclass(frozen=True)
@@ -51,10 +48,13 @@ class View:
     size: tuple[int, int]
     """Width and height of the preview, in pixels."""
 
-    @property
+    @cached_property
     def axes(self) -> tuple[tuple[float, float], tuple[float, float], float, float]:
         """Ground directions to the right and away, and sine and cosine of the camera's elevation."""
-        return _axes(self.azimuth_deg, self.elevation_deg)
+        turn, tilt = radians(self.azimuth_deg), radians(self.elevation_deg)
+        # Nine digits: the last bits of cos and sin differ between C libraries.
+        c, s, up, flat = (round(value, 9) for value in (cos(turn), sin(turn), sin(tilt), cos(tilt)))
+        return (c, s), (-s, c), up, flat
 
     def vector(self, direction: Vector) -> Vector:
         """Converts a direction to pixels: right, down, and towards the camera."""
@@ -84,6 +84,10 @@ class Raster:
         self.ids = np.zeros((height, width), np.int32)
         self._xs = (np.arange(width) + 0.5).astype(np.float32)
         self._ys = (np.arange(height) + 0.5).astype(np.float32)[:, None]
+        # Odd rows look a little to the right and odd columns a little up: no two of four neighbours are in line, so
+        # that steep and level edges have five shades instead of three.
+        self._aside = np.where(np.arange(height) % 2, _ASIDE, -_ASIDE).astype(np.float32)[:, None]
+        self._above = np.where(np.arange(width) % 2, -_ASIDE, _ASIDE).astype(np.float32)
 
     def parallelogram(self, corner: Vector, along: Vector, across: Vector, color: int) -> None:
         """Draws a flat face from one of its corners and its two edges."""
@@ -110,11 +114,11 @@ class Raster:
         d0 = z0 + (s0 + 0.5) * az + (t0 + 0.5) * bz
         corners = [(x0, y0), (x0 + ax, y0 + ay), (x0 + bx, y0 + by), (x0 + ax + bx, y0 + ay + by)]
         for rows, columns in self._windows(corners):
-            xs, ys = self._xs[columns], self._ys[rows]
-            s = (xs * sx + s0) + ys * sy
-            t = (xs * tx + t0) + ys * ty
+            xs, ys, aside, above = self._xs[columns], self._ys[rows], self._aside[rows], self._above[columns]
+            s = (xs * sx + above * sy + s0) + (ys * sy + aside * sx)
+            t = (xs * tx + above * ty + t0) + (ys * ty + aside * tx)
             seen = s * s + t * t <= 0.25 if is_round else np.maximum(np.abs(s, out=s), np.abs(t, out=t)) <= 0.5
-            self._draw(rows, columns, seen, (xs * dx + d0) + ys * dy, color)
+            self._draw(rows, columns, seen, (xs * dx + above * dy + d0) + (ys * dy + aside * dx), color)
 
     def post(self, center: Vector, radius: float, height: float, colors: int) -> None:
         """Draws the side of an upright cylinder; `center` is the middle of its foot."""
@@ -124,9 +128,9 @@ class Raster:
         reach, rise = radius * scale, height * scale
         corners = [(x - reach, y - rise * flat - reach), (x + reach, y + reach)]
         for rows, columns in self._windows(corners):
-            across = self._xs[columns] - np.float32(x)
+            across = self._xs[columns] - np.float32(x) + self._aside[rows]
             front = np.sqrt(np.maximum(reach * reach - across * across, 0)).astype(np.float32)
-            above = ((np.float32(y) - self._ys[rows]) + front * up) / flat
+            above = ((np.float32(y) - self._ys[rows]) - self._above[columns] + front * up) / flat
             seen = (np.abs(across) < reach) & (above >= 0) & (above <= rise)
             level = _levels(
                 across / reach * right[0] + front / reach * -away[0],
@@ -151,7 +155,8 @@ class Raster:
         q = [[sum(row[i] * row[j] for row in rows3) for j in range(3)] for i in range(3)]
         reach = max(rx, ry, rz)
         for rows, columns in self._windows([(x - reach, y - reach), (x + reach, y + reach)]):
-            u, v = self._xs[columns] - np.float32(x), self._ys[rows] - np.float32(y)
+            u = self._xs[columns] - np.float32(x) + self._aside[rows]
+            v = self._ys[rows] - np.float32(y) + self._above[columns]
             half = u * q[0][2] + v * q[1][2]
             rest = half * half - q[2][2] * (u * u * q[0][0] + 2 * u * v * q[0][1] + v * v * q[1][1] - 1)
             near = (np.sqrt(np.maximum(rest, 0)) - half) / q[2][2]
@@ -165,8 +170,8 @@ class Raster:
         Each block is its rows and its columns; there is none if the face lies outside the picture.
         """
         width, height = self.view.size
-        x_low, x_high = min(x for x, _ in corners), max(x for x, _ in corners)
-        y_low, y_high = min(y for _, y in corners), max(y for _, y in corners)
+        xs, ys = zip(*corners, strict=True)
+        x_low, x_high, y_low, y_high = min(xs), max(xs), min(ys), max(ys)
         top, bottom = max(0, floor(y_low)), min(height, ceil(y_high))
         left, right = max(0, floor(x_low)), min(width, ceil(x_high))
         if top >= bottom or left >= right:
@@ -236,6 +241,11 @@ class Palette:
         self.patterned: list[tuple[str, Axis, float]] = []
         self._patterns: dict[int, int] = {}
 
+    @property
+    def count(self) -> int:
+        """Number of colours, which is that of the next one."""
+        return len(self._colors)
+
     def add(self, color: Color, shade: float = 1.0) -> int:
         """Adds a colour to the preview's palette, shaded or not; returns its number."""
         red, green, blue, _ = color
@@ -252,9 +262,8 @@ class Palette:
 
     def add_curved(self, color: Color) -> int:
         """Adds shades for a curved surface; returns the number of the first and darkest."""
-        first = len(self._colors)
-        for level in range(LEVELS):
-            self.add(color, 0.62 + 0.42 * (level + 0.5) / LEVELS)
+        first, (red, green, blue, _) = len(self._colors), color
+        self._colors += [(red * shade, green * shade, blue * shade) for shade in _CURVED]
         return first
 
     def add_floor(self, name: str) -> int:
@@ -300,6 +309,10 @@ def _side_share(normal: tuple[float, float]) -> float:
 
 _CELL_M = 0.03
 _MARGIN_M = 1.5
+_CAST_CELLS = 2
+"""Cells from one step along the light to the next; shadows are evened out over more."""
+_SOFT_CELLS = 5
+"""Cells over which shadows are evened out, twice: their edges are soft and have no steps."""
 
 Block = tuple[float, float, float, float, float]
 """Box on the ground: west, south, east, north, height, in metres."""
@@ -311,7 +324,7 @@ class LightMap:
 
     origin: tuple[float, float]
     shade: Image
-    """Height up to which each ground cell is in the sun's shadow, in metres."""
+    """Height up to which each quarter of a ground cell is in the sun's shadow, in metres."""
     crowd: Image
     """Mean height of the surroundings of each ground cell, in metres."""
 
@@ -333,27 +346,42 @@ class LightMap:
         crowd = ndimage.uniform_filter(heights, 11, mode="nearest") + ndimage.uniform_filter(
             heights, 27, mode="nearest"
         )
-        shade = ndimage.uniform_filter(_cast(heights), 5)
-        return cls((x0, y0), np.asarray(shade, np.float32), np.asarray(crowd, np.float32) / 2)
+        shade = ndimage.uniform_filter(ndimage.uniform_filter(_cast(heights), _SOFT_CELLS), _SOFT_CELLS)
+        return cls((x0, y0), _finer(shade), np.asarray(crowd / 2, np.float32))
 
     def brightness(self, x: Image, y: Image, z: Image, sunny: Image) -> Image:
         """Returns the brightness at positions of the scene, 0 to 1."""
-        rows = np.clip(((y - self.origin[1]) / _CELL_M).astype(np.int32), 0, self.shade.shape[0] - 1)
-        columns = np.clip(((x - self.origin[0]) / _CELL_M).astype(np.int32), 0, self.shade.shape[1] - 1)
-        cells = rows * self.shade.shape[1] + columns
-        sunless = np.clip((np.take(self.shade, cells) - z - 0.02) * 3, 0, 1) * sunny
-        hemmed_in = np.clip((np.take(self.crowd, cells) - z) * 0.38, 0, 0.3)
+        height, width = self.shade.shape
+        rows = np.clip(((y - self.origin[1]) * (2 / _CELL_M)).astype(np.int32), 0, height - 1)
+        columns = np.clip(((x - self.origin[0]) * (2 / _CELL_M)).astype(np.int32), 0, width - 1)
+        shade = np.take(self.shade, rows * width + columns)
+        crowd = np.take(self.crowd, (rows >> 1) * (width // 2) + (columns >> 1))
+        sunless = np.clip((shade - z - 0.02) * 3, 0, 1) * sunny
+        hemmed_in = np.clip((crowd - z) * 0.38, 0, 0.3)
         return (1 - 0.38 * sunless) * (1 - hemmed_in)
+
+
+def _finer(cells: Image) -> Image:
+    """Returns a map of cells half as wide, between whose old ones values change evenly."""
+    for _ in range(2):
+        fine = np.empty((2 * len(cells), cells.shape[1]), np.float32)
+        before, after = np.concatenate([cells[:1], cells[:-1]]), np.concatenate([cells[1:], cells[-1:]])
+        fine[0::2] = np.float32(0.75) * cells + np.float32(0.25) * before
+        fine[1::2] = np.float32(0.75) * cells + np.float32(0.25) * after
+        cells = np.ascontiguousarray(fine.T)
+    return cells
 
 
 def _cast(heights: Image) -> Image:
     """Computes the shadow's height over every cell: the highest block towards the light, less the light's slope."""
-    reach = sqrt(LIGHT[0] ** 2 + LIGHT[1] ** 2)
-    drop = LIGHT[2] / reach * _CELL_M
-    shade = np.zeros_like(heights)
-    for step in range(1, ceil(2.1 / drop)):
-        right, up = round(step * LIGHT[0] / reach), round(step * LIGHT[1] / reach)
-        moved = heights[max(up, 0) or None :, : right or None] if right < 0 else heights[max(up, 0) :, right:]
-        target = shade[: shade.shape[0] - max(up, 0), max(-right, 0) :] if right < 0 else shade[: -up or None, :-right]
-        np.maximum(target, moved - np.float32(step * drop), out=target)
+    # The light comes from the left and from above: a step goes one cell to the left and part of a cell up.
+    slope, drop = -LIGHT[1] / LIGHT[0], np.float32(-LIGHT[2] / LIGHT[0] * _CELL_M)
+    shade, rise = np.zeros_like(heights), heights[1:] - heights[:-1]
+    for left in range(1, ceil(heights.max() / drop), _CAST_CELLS):
+        up = floor(left * slope)
+        moved = rise[up:, :-left] * np.float32(left * slope - up)
+        moved += heights[up:-1, :-left]
+        moved -= left * drop
+        target = shade[: len(moved), left:]
+        np.maximum(target, moved, out=target)
     return shade

@@ -10,7 +10,9 @@ from ..geometry.parts import Color, Shape, Vector
 from ..ornaments.ornament_shapes import Shapes
 from ..ornaments.ornaments import Ornament
 
-_SEEN = ("rug_", "thing_")
+RUG = "rug_"
+"""Beginning of the names of rugs."""
+_SEEN = (RUG, "thing_")
 """Beginnings of the names of decoration that one sees from above, over walls that are cut."""
 _ON_SHELVES = "thing_shelf_"
 """Beginning of the names of things on shelves, which hang above the cut of walls and are not drawn."""

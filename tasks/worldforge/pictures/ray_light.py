@@ -31,7 +31,7 @@ _AROUND, _AROUND_M = 2, 0.06
 _LOOKS_OF_MISSED = 2
 """Number of lamps of each set that a pixel looks at where few neighbours share its surface."""
 
-_CLOSE_M = 0.13
+_CLOSE_M = 0.16
 """Distance up to which things darken what they touch, in metres."""
 _LOOKS = 14
 """Number of places around a pixel that are asked whether they take light from it."""
@@ -39,7 +39,7 @@ _GOLDEN_RAD = 2.399963
 """Angle between two of these places, in radians, with which they lie evenly."""
 _LEAST_SIN = 0.08
 """Sine of the height above a surface from which a place takes light: surfaces are not quite flat, nor is it exact."""
-_TAKEN = 2.4
+_TAKEN = 3.0
 """Factor of the light that is taken, over the share of the half sphere that places around it cover."""
 _LEAST_OPEN = 0.3
 """Share of light that reaches the deepest corner."""

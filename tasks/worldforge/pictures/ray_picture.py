@@ -27,7 +27,7 @@ GAMMA = 2.2
 _SUB_PIXELS = ((-0.375, -0.125), (0.125, -0.375), (0.375, 0.125), (-0.125, 0.375))
 _MIDDLE = 0.49
 """Light in the middle of a well exposed picture of a bright room, where 1 is white."""
-_VIEW = 2.0
+_VIEW = 2.3
 """Light of a white thing outside, over that of one in the picture's middle: photographers expose for both."""
 _DAYLIGHT, _SUNLIGHT = 0.55, 0.6
 """Light of the sky and of the sun on what is outside, where 1 is white."""
@@ -204,7 +204,7 @@ def _finished(seen: Array, glass: Array, scale: float | None) -> Array:
     `glass` says which pixels are seen through glass. Light is multiplied by `scale`; `None` compresses it as film does.
     """
     seen = seen if scale is None else seen * scale
-    seen = seen * (1 - 0.16 * glass[:, None]) + 0.05 * glass[:, None]
+    seen = seen * (1 - 0.1 * glass[:, None]) + 0.02 * glass[:, None]
     if scale is None:
         # Highlights are compressed as film does.
         return np.clip(seen * (1 + seen / 6.0) / (1 + seen * 0.72), 0, 1) ** (1 / GAMMA)

@@ -57,6 +57,8 @@ _GLOSSY: tuple[tuple[tuple[str, ...], str], ...] = (
     ((r"\.(top|front-|body|board)", r"^cabinet_", r"^(Dining|Coffee|Side|Console)Tables_\d+\.top"), "lacquer"),
 )
 """Beginnings and parts of names of geoms that mirror, by their kind of gloss; the first that fits counts."""
+_PLINTH, _PLINTH_SHARE = (0.42, 0.40, 0.38), 0.6
+"""Colour that plinths take on, and how much of it: black ones look like gaps below the furniture."""
 _SHADE = np.array((1.9, 1.5, 0.95))
 """Light (red, green, blue) of a lamp shade whose bulb is on."""
 _FINER = {"wall_Stone_": 1.7, "wall_Brick_": 1.15}
@@ -80,10 +82,12 @@ class Looks:
         plain = model.geom_rgba[:, :3].astype(float)
         if model.nmat:
             plain = np.where(has_material[:, None], model.mat_rgba[material, :3], plain)
+        self.names = [model.geom(index).name for index in range(model.ngeom)]
+        plinths = [".plinth" in name for name in self.names]
+        plain[plinths] += (np.array(_PLINTH) - plain[plinths]) * _PLINTH_SHARE
         self._plain = plain
         self._surfaces = [model.mat(index).name.removesuffix(LAID) for index in range(model.nmat)]
         self._materials = np.where(has_material, model.geom_matid, -1)
-        self.names = [model.geom(index).name for index in range(model.ngeom)]
         half = model.geom_aabb[:, 3:].astype(float)
         shades = [self._is_shade(index) for index in range(model.ngeom)]
         self._shade = np.array(shades, np.bool_)

@@ -48,8 +48,14 @@ _TOLD_SHARE, _MAIN_SHARE = 0.012, 0.03
 _TOLD_FROM_M = 1.0
 """Least distance of furniture that one knows, in metres; nearer pieces are cut by the picture's edge."""
 _NEAR_M, _BEFORE_EYES_M = 1.0, 0.5
-_FOREGROUND_M = 1.7
-"""Distance below which furniture hides what lies behind it, in metres."""
+_FOREGROUND_M, _RIM_M = 1.7, 2.4
+"""Furniture that is nearer hides what lies behind it, and is too near to be cut by the picture's edge."""
+_RIM_COST = 4.0
+"""Loss for a picture whose whole edge cuts furniture that is near."""
+_BARE_SHARE = 0.5
+"""Share of the picture above which walls and ceilings are bare: it shows nothing of the room."""
+_WINDOW_SHARE = 0.1
+"""Share of the picture above which windows take the place of the room."""
 _BUILDING = ("wall_", "floor_", "ceiling_", "window_", "curtain_", "blind_", "skirting_", "doorframe_")
 """Beginnings of the names of what a room is made of: it may be near."""
 _BESIDE_M, _BEFORE_SHARE = 2.2, 0.8
@@ -173,6 +179,7 @@ class _View:
         numbers = {item.id: number for number, item in enumerate(pieces)}
         self._piece = np.array([numbers.get(name.partition(".")[0], -1) for name in names])
         self._floor = np.array([name.startswith(("floor_", "rug_")) for name in names])
+        self._bare = np.array([name.startswith(("wall_", "ceiling_")) for name in names])
         self._thing = np.array([not name.startswith(_BUILDING) for name in names])
         self._door = np.array([name.startswith("door-") for name in names])
         main = _MAIN.get(room.type, ())
@@ -201,15 +208,18 @@ class _View:
         own = self._inside(places) & met
         seen = np.where(met, np.minimum(distances, _FAR_M), 0.0)
         score = 4.0 * float(told @ self._weights) / max(float(self._weights.sum()), 1.0)
-        score += 1.2 * float(own.mean()) + 0.3 * float(np.sqrt(seen).mean())
+        score += 3.0 * float(own.mean()) + 0.3 * float(np.sqrt(seen).mean())
         score += 3.5 * min(float((self._floor[known] & met).mean()), _FLOOR_SHARE)
         door = self._door[known] & met
         edge_on = door & (np.abs(np.sum(rays * normals, axis=1)) < _EDGE_ON)
-        score -= 2.0 * float(door.mean()) + 6.0 * float(edge_on.mean()) + 1.0 * float((~met).mean())
+        score -= 2.0 * float(door.mean()) + 6.0 * float(edge_on.mean())
+        score -= 2.0 * max(float((~met).mean()) - _WINDOW_SHARE, 0.0)
+        score -= 3.0 * max(float((self._bare[known] & met).mean()) - _BARE_SHARE, 0.0)
         every = np.bincount(self._piece[known][met & (self._piece[known] >= 0)], minlength=len(self._weights))
         score -= 3.0 * float(np.clip(every / len(rays) - _FILLS_SHARE, 0, None).sum())
         furniture = met & (self._piece[known] >= 0)
-        score -= 2.0 * float((furniture & (ahead < _FOREGROUND_M)).mean())
+        score -= 4.0 * float((furniture & (ahead < _FOREGROUND_M)).mean())
+        score -= _RIM_COST * float((furniture & (ahead < _RIM_M))[self._rim].mean())
         tall = self._thing[known] & met & (places[:, 2] > _TALL_M)
         before = max(_BEFORE_M, _BEFORE_SHARE * float(np.median(seen)))
         score -= 30.0 * float((tall & (ahead < np.where(self._center, before, _BESIDE_M))).mean())

@@ -21,6 +21,14 @@ def test_the_panel_of_a_door_slopes_down_from_its_frame_and_its_side_is_plain() 
     assert not turned[[middle, frame, side]].any()
 
 
+def test_a_door_has_a_dark_gap_around_it() -> None:
+    front, wide = DOOR_HALF_M[0], DOOR_HALF_M[1]
+    inside = np.array([(front, wide - 0.001, 0.0), (front, wide - 0.01, 0.0), (front, 0.0, -DOOR_HALF_M[2] + 0.001)])
+    share = panel(inside, np.tile(DOOR_HALF_M, (3, 1)))[1]
+    assert share[0] == share[2] < 0.6
+    assert share[1] == 1
+
+
 def test_doors_have_panels_and_small_drawers_and_bodies_have_none() -> None:
     assert is_panelled("Storage_2.front-1-1", DOOR_HALF_M)
     assert is_panelled("cabinet_Storage_1_door_2", DOOR_HALF_M)

@@ -31,3 +31,14 @@ def test_things_are_told_apart_around_the_horizon() -> None:
     around = np.linspace(-np.pi, np.pi, 400)
     colors = np.concatenate([outside(toward(around, rise)) for rise in np.linspace(-0.1, 0.3, 20)])
     assert len(np.unique((colors * 12).astype(int), axis=0)) > 40
+
+
+def test_houses_stand_over_the_hedge_before_a_pale_horizon() -> None:
+    around = np.linspace(-np.pi, np.pi, 600)
+    red, green, blue = outside(toward(around, 0.02)).T
+    # Half of what one sees just over the hedge is no leaf: houses and their windows.
+    assert np.mean(green <= np.maximum(red, blue)) > 0.3
+    low, high = (np.quantile(outside(toward(around, rise)), 0.9, axis=0) for rise in (0.09, 0.6))
+    # Haze makes the sky paler towards the horizon, red first.
+    assert low[0] - high[0] > 0.08
+    assert low.min() > 0.86

@@ -12,8 +12,8 @@ from prefect_robomaker.schemas.worlds.world import FLOOR_MATERIALS, World
 from prefect_robomaker.tasks.worldforge.generator import generate_world
 from prefect_robomaker.tasks.worldforge.pictures import preview
 from prefect_robomaker.tasks.worldforge.pictures.preview import HEIGHT, WIDTH, render_preview
-from prefect_robomaker.tasks.worldforge.pictures.preview_labels import readable
-from prefect_robomaker.tasks.worldforge.pictures.preview_raster import Raster, View
+from prefect_robomaker.tasks.worldforge.pictures.preview_labels import readable, with_labels
+from prefect_robomaker.tasks.worldforge.pictures.preview_raster import LightMap, Raster, View
 from prefect_robomaker.tasks.worldforge.pictures.preview_things import things_from_above
 
 from ..conftest import MakeBody
@@ -105,6 +105,41 @@ def test_round_things_are_round() -> None:
     raster = Raster(VIEW)
     raster.post((0.0, 0.0, 0.0), 0.5, 1.0, 1)
     assert (raster.ids > 0).sum() == pytest.approx(50 * 50 * 0.5, rel=0.05)
+
+
+def test_steep_and_level_edges_have_five_shades() -> None:
+    """Each pixel has four parts, none of which is in line with another one."""
+    for turned in (False, True):
+        raster = Raster(View(azimuth_deg=0.0, elevation_deg=90.0, scale=1.0, offset=(0.0, 200.0), size=(200, 200)))
+        along, across = ((100.0, 6.0, 0.0), (0.0, 60.0, 0.0)) if turned else ((6.0, 100.0, 0.0), (60.0, 0.0, 0.0))
+        raster.parallelogram((20.0, 20.0, 0.0), along, across, 1)
+        share = raster.ids.reshape(100, 2, 100, 2).mean(axis=(1, 3))
+        middle = share[:, 15:55] if turned else share[45:85]
+        mixed = middle[(middle > 0) & (middle < 1)]
+        assert np.mean(mixed != 0.5) > 0.3
+
+
+def test_shadows_have_soft_edges_without_steps() -> None:
+    light = LightMap.of([(1.0, 1.0, 1.2, 3.0, 1.0)], (0.0, 0.0, 4.0, 4.0))
+    x, y = (axis.astype(np.float32) for axis in np.meshgrid(np.arange(1.3, 3.0, 0.01), np.arange(1.6, 2.2, 0.01)))
+    bright = light.brightness(x, y, np.zeros_like(x), np.ones_like(x))
+    assert bright.max() - bright.min() > 0.3
+    assert np.abs(np.diff(bright, axis=1)).max() < 0.05
+    # The wall runs north, so that its shadow's edge does: nothing changes along it.
+    assert np.abs(np.diff(bright, axis=0)).max() < 0.01
+
+
+def test_a_label_covers_no_furniture_and_is_smaller_where_little_floor_is_free(flat: World) -> None:
+    room, gray = flat.floorplan.rooms[0], np.full((200, 300, 3), 90, np.uint8)
+    heights = []
+    for free in (slice(20, 180), slice(90, 116)):
+        floors = np.full((200, 300), 2, np.int32)  # furniture
+        floors[free, 160:290] = 1
+        paper = np.any(with_labels(gray, floors, {1: room}) != gray, axis=2)
+        assert paper.any()
+        assert not paper[floors == 2].any()
+        heights.append(np.flatnonzero(paper.any(axis=1)).size)
+    assert heights[1] < 26 < heights[0]
 
 
 def test_rugs_and_small_things_are_seen_from_above(flat: World, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -109,6 +109,32 @@ def seen(world: World, room: str, width: int = 96, drop: float | None = None) ->
     return [looks.names[each] if each >= 0 else "" for each in hits.geoms], grid, hits
 
 
+@pytest.mark.deep
+def test_near_furniture_is_not_cut_by_the_edges_of_pictures() -> None:
+    rooms = (("Living Room", "Living", 26.0), ("Kitchen", "Kitchen", 14.0), ("Bedroom", "Bedroom", 16.0))
+    cut: list[float] = []
+    for seed in range(4):
+        world = generate_world(template(rooms), seed, seed, settle=False)
+        for room in ("Kitchen", "Bedroom"):
+            names, _, hits = seen(world, room, 48)
+            own = {item.id for item in world.furniture if item.room == room}
+            piece = np.array([name.partition(".")[0] in own for name in names]).reshape(30, 48)
+            low = hits.places[:, 2].reshape(30, 48)
+            lower = piece[-1] & (low[-1] > 0.3)  # a top or a seat at the picture's lower edge is near
+            cut.append(float(lower.mean()))
+    assert np.mean(cut) < 0.33  # 0.38 where cameras do not mind
+
+
+def test_plinths_are_not_black(flat: World) -> None:
+    model = decorated_model(flat)
+    looks = Looks(model, flat)
+    plinths = [number for number, name in enumerate(looks.names) if name.partition(".")[2].startswith("plinth")]
+    assert plinths
+    nothing = np.zeros((len(plinths), 3))
+    colors = looks.colors(Hits(np.array(plinths, np.int32), nothing, nothing + np.array((1.0, 0.0, 0.0))))
+    assert colors.min() > 0.25
+
+
 def test_a_kitchen_that_is_open_to_a_larger_room_is_itself_in_its_picture(open_flat: World) -> None:
     names, _, hits = seen(open_flat, "Kitchen")
     kitchen = next(each for each in open_flat.floorplan.rooms if each.name == "Kitchen")
