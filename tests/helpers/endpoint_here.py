@@ -25,7 +25,7 @@ from prefect_robomaker.deployments.cli.grammar import build_parser
 from prefect_robomaker.deployments.endpoint import server as server_module
 from prefect_robomaker.tasks.service.service import Service
 
-_LOGGERS = ("prefect_robomaker", "robomaker.endpoint")
+_LOGGERS = ("prefect_robomaker", "robomaker.access", "robomaker.endpoint")
 _WORDS = ("serve", "--port", "0", "-o", "json", "--execute", "none")
 
 ServeHere = Callable[..., AbstractContextManager[Endpoint]]
