@@ -94,7 +94,7 @@ def _in_a_thread(serve: Callable[[], object], is_ready: Callable[[], object]) ->
     finally:
         for server in servers:
             server.should_exit = True
-        thread.join(60)
+        thread.join(200)
     if failures:
         raise failures[0]
     assert not thread.is_alive(), "the endpoint did not stop"
