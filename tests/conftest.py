@@ -132,7 +132,7 @@ def pytest_runtest_call() -> Generator[None, object, object]:
         if watch is not None and not watch.WATCH._runs:
             for thread in threading.enumerate():
                 if thread.name in ("runs", "dead runs") and not thread.daemon:
-                    thread.join(60)
+                    thread.join(200)
 
 
 @pytest.fixture

@@ -17,6 +17,7 @@ import jsonschema
 import pytest
 import yaml
 from botocore import xform_name
+from helpers.endpoint_here import ServeHere
 from helpers.endpoint_process import Serve
 from helpers.paths import REPOSITORY
 
@@ -163,9 +164,9 @@ def test_what_the_guide_says_to_type_is_understood() -> None:
 
 
 @pytest.mark.deep
-def test_what_the_guide_says_to_type_works(serve: Serve, service: Service, tmp_path: Path) -> None:
+def test_what_the_guide_says_to_type_works(serve_here: ServeHere, service: Service, tmp_path: Path) -> None:
     program = "import boto3; print(boto3.client('robomaker').list_world_templates()['templateSummaries'][0]['name'])"
-    with serve("--execute", "none") as served:
+    with serve_here() as served:
         script = "\n".join(blocks(GUIDE, "bash")).replace(SHOWN_ENDPOINT, served.url)
         script += f"\n{shlex.quote(sys.executable)} -c {shlex.quote(program)}\n"
         path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"

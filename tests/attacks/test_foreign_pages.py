@@ -11,14 +11,13 @@ import threading
 import uuid
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
 from helpers.bare_prefect_server import bare_prefect_server
 from helpers.browser import NEEDS_BROWSER, Browser, browsing
-from helpers.endpoint_process import Serve
+from helpers.endpoint_here import ServeHere
 from helpers.prefect_server import server_settings
 from helpers.processes import wait_for
 
@@ -279,8 +278,8 @@ def test_a_name_that_is_pointed_here_later(browser: Browser, bare: tuple[str, st
 
 
 @SITES
-def test_pages_of_others_order_nothing_from_the_endpoint(attack: Any, serve: Serve, site: str, tmp_path: Path) -> None:
-    with serve("--execute", "none", "--log-requests") as served:
+def test_pages_of_others_order_nothing_from_the_endpoint(attack: Any, serve_here: ServeHere, site: str) -> None:
+    with serve_here("--log-requests") as served:
         mark, seen = attack(site, SERVICE_ATTACKS, {"target": served.url})
         served.call("CreateWorldTemplate", {"name": f"{mark}-afterwards", "templateBody": '{"Version": "1"}'})
         templates = served.call("ListWorldTemplates", {})["templateSummaries"]

@@ -44,7 +44,7 @@ def test_a_defect_is_logged_once_and_the_thread_goes_on(
     with caplog.at_level(logging.WARNING):
         thread = threading.Thread(target=sweep_until_told_to_end)
         thread.start()
-        thread.join(60)
+        thread.join(200)
 
     assert len(calls) == 3
     assert caplog.messages == ["dead runs are not closed: ValueError: an answer that cannot be read"]

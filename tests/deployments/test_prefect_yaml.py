@@ -161,7 +161,7 @@ def ended(run: UUID) -> Any:
             state = client.read_flow_run(run).state
             return state if state and state.is_final() else None
 
-        return wait_for(final, f"the end of flow run {run}", timeout_s=120)
+        return wait_for(final, f"the end of flow run {run}")
 
 
 def the_catalog_has_what_the_runs_made(settings: Settings) -> None:

@@ -14,7 +14,7 @@ from helpers.paths import REPOSITORY
 from helpers.prefect_server import provide_tables
 from helpers.processes import started, wait_for
 from helpers.server_log import tracebacks
-from helpers.small_flat import BODY, ROLE
+from helpers.small_flat import BODY
 
 from prefect_robomaker.deployments.prefect_server.local_server import server_status
 from prefect_robomaker.deployments.prefect_server.secret import auth_string, server_folder
@@ -25,34 +25,13 @@ EVERY_MINUTE = "* * * * *"
 SPEC = {
     "version": 1,
     "name": "one-flat",
-    "description": "One run in one small flat.",
+    "description": "One small flat.",
     "steps": {
         "template": {"operation": "CreateWorldTemplate", "input": {"name": "two rooms", "templateBody": BODY}},
-        "worlds": {
-            "operation": "CreateWorldGenerationJob",
-            "input": {
-                "template": "${{ template.arn }}",
-                "worldCount": {"floorplanCount": 1, "interiorCountPerFloorplan": 1},
-                "seed": 7,
-            },
-        },
-        "drive": {
-            "operation": "CreateSimulationJob",
-            "input": {
-                "maxJobDurationInSeconds": 120,
-                "iamRole": ROLE,
-                "robotApplications": [{"application": "scout", "launchConfig": {}}],
-                "simulationApplications": [
-                    {
-                        "application": "indoor-navigation",
-                        "launchConfig": {},
-                        "worldConfigs": [{"world": "${{ worlds.finishedWorldsSummary.succeededWorlds[0] }}"}],
-                    }
-                ],
-            },
-        },
+        "look": {"operation": "DescribeWorldTemplate", "input": {"template": "${{ template.arn }}"}},
     },
 }
+"""What a worker makes of worlds and jobs is in `test_prefect_yaml.py`."""
 
 
 @pytest.fixture

@@ -25,7 +25,7 @@ from prefect_robomaker.deployments.cli.grammar import build_parser
 from prefect_robomaker.deployments.endpoint import server as server_module
 from prefect_robomaker.tasks.service.service import Service
 
-_LOGGERS = ("prefect_robomaker", "robomaker.endpoint")
+_LOGGERS = ("prefect_robomaker", "robomaker.access", "robomaker.endpoint")
 _WORDS = ("serve", "--port", "0", "-o", "json", "--execute", "none")
 
 ServeHere = Callable[..., AbstractContextManager[Endpoint]]
@@ -94,7 +94,7 @@ def _in_a_thread(serve: Callable[[], object], is_ready: Callable[[], object]) ->
     finally:
         for server in servers:
             server.should_exit = True
-        thread.join(60)
+        thread.join(200)
     if failures:
         raise failures[0]
     assert not thread.is_alive(), "the endpoint did not stop"

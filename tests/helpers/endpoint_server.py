@@ -42,7 +42,7 @@ def endpoint(
         assert first, log.read_text()
         yield int(first)
         server.terminate()
-        assert server.wait(30) == 0, log.read_text()
+        assert server.wait(200) == 0, log.read_text()
 
 
 def http_request(path: str, body: Any, method: str = "POST") -> bytes:

@@ -99,9 +99,9 @@ def carried_out(job: str, service: Service) -> Iterator[None]:
         yield
     except BaseException:
         service.catalog.request_cancel(job)
-        thread.join(60)
+        thread.join(200)
         raise
-    thread.join(60)
+    thread.join(200)
     assert not thread.is_alive(), f"{job} has not ended"
 
 

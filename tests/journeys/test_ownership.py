@@ -75,26 +75,7 @@ def standing(service: Service, arn: str) -> JobStanding:
     return found
 
 
-@pytest.mark.deep
-def test_serve_leaves_a_run_to_who_started_it(
-    service: Service, environ: dict[str, str], spec: Any, serve: Serve
-) -> None:
-    with serve(**environ) as served:
-        served.wait_until_ready()
-        command = [*ROBOMAKER, "run", str(spec()), "-o", "json"]
-        with started(command, {**environ, **MINE}, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as run:
-            out, err = run.communicate(timeout=300)
-
-    assert run.returncode == 0, out + err
-    record = RunRecord.model_validate_json(out)
-    assert [job.status for job in record.jobs] == ["Completed"] * 3
-    owners = [job.carried_out_by for job in record.jobs]
-    assert [(owner.program, owner.process_id) for owner in owners if owner] == [("robomaker run", run.pid)] * 3
-    report = (record.run_dir / "report.html").read_text()
-    assert f"robomaker run on {socket.gethostname()}: 3 jobs" in report
-
-
-@pytest.mark.endurance  # the same rule as above, by another program
+@pytest.mark.endurance  # the same rule as below, by another program
 def test_serve_leaves_a_night_to_its_prefect_worker(
     service: Service, environ: dict[str, str], spec: Any, serve: Serve, tmp_path: Path
 ) -> None:
@@ -165,7 +146,7 @@ def test_serve_goes_on_with_what_a_dead_run_left_if_it_has_what_that_needs(
 @pytest.mark.deep
 @NEEDS_BROWSER
 @pytest.mark.timeout(1200)
-def test_serve_leaves_what_needs_another_environment_and_the_command_that_is_told_goes_on_with_it(
+def test_serve_leaves_a_run_to_who_started_it_or_to_the_command_that_it_tells(
     service: Service, environ: dict[str, str], spec: Any, serve: Serve, tmp_path: Path
 ) -> None:
     mine = {**environ, **MINE, "ROBOMAKER_NICE": "3"}
@@ -195,10 +176,25 @@ def test_serve_leaves_what_needs_another_environment_and_the_command_that_is_tol
         done = subprocess.run(typed, shell=True, env={**os.environ, **environ}, capture_output=True, text=True)
         page.load(f"{served.url}/console/batches/{name}", 1280)
         page.wait_for_text("Carried out by robomaker perform", "had died")
+        [path] = (service.settings.home / "runs").glob("*/run.json")
+        a_run_that_lives_is_left_to_its_process(spec(duration_s=0.2), environ)
 
     assert done.returncode == 0, done.stdout + done.stderr
     assert service.catalog.count_children(batch, "simulation-job") == {"Completed": 3}
-    [path] = (service.settings.home / "runs").glob("*/run.json")
     record = RunRecord.model_validate_json(path.read_text())
     assert (record.state, [step.status for step in record.steps]) == ("succeeded", ["Completed"] * 3), record.steps
     assert [each.lost.program for each in record.interruptions if each.lost] == ["robomaker run"]
+
+
+def a_run_that_lives_is_left_to_its_process(spec: Path, environ: dict[str, str]) -> None:
+    command = [*ROBOMAKER, "run", str(spec), "-o", "json"]
+    with started(command, {**environ, **MINE}, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as run:
+        out, err = run.communicate(timeout=300)
+
+    assert run.returncode == 0, out + err
+    record = RunRecord.model_validate_json(out)
+    assert [job.status for job in record.jobs] == ["Completed"] * 3
+    owners = [job.carried_out_by for job in record.jobs]
+    assert [(owner.program, owner.process_id) for owner in owners if owner] == [("robomaker run", run.pid)] * 3
+    report = (record.run_dir / "report.html").read_text()
+    assert f"robomaker run on {socket.gethostname()}: 3 jobs" in report

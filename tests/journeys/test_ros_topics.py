@@ -70,7 +70,7 @@ from std_msgs.msg import String
 
 rclpy.init()
 node = rclpy.create_node("driver")
-commands, words = node.create_publisher(Twist, "/cmd_vel", 10), node.create_publisher(String, "/words", 10)
+commands, words = node.create_publisher(Twist, "/cmd_vel", 10), node.create_publisher(String, "/words", 100)
 # Only what is said after bridge and recorder listen is recorded.
 deadline = time.monotonic() + 150
 while (words.get_subscription_count() < 1 or commands.get_subscription_count() < 2) and time.monotonic() < deadline:

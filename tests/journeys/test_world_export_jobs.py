@@ -206,7 +206,7 @@ def test_a_running_job_that_is_cancelled_leaves_no_archive(
     at_once = described(job, service)["status"]
     goes_on.set()
     wait_for(lambda: described(job, service)["status"] == "Canceled", "the end")
-    worker.join(60)
+    worker.join(200)
     assert not worker.is_alive()
 
     assert at_once == "Canceling"

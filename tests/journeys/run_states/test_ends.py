@@ -144,7 +144,7 @@ def test_a_cancelled_job_ends_as_cancelled_without_a_verdict(
     thread.start()
     wait_for(lambda: service.catalog.get(job).status == "Running", "the job to run")
     call("CancelSimulationJob", {"job": job}, service)
-    thread.join(60)
+    thread.join(200)
 
     seen = state_of(flow_run(job.rpartition("/")[2]).id)
     assert (seen.type.value, seen.name) == ("CANCELLED", "Cancelled")

@@ -140,7 +140,7 @@ def test_a_job_that_somebody_else_performs_is_cancelled_with_its_batch(
     call("CancelSimulationJobBatch", {"batch": arn}, service)
     assert describe(service, arn)["status"] == "Canceling"
     await_status(created["arn"], "Canceled")
-    worker.join(60)
+    worker.join(200)
     assert not worker.is_alive()
 
     call("CancelSimulationJobBatch", {"batch": arn}, service)  # no job worker holds the batch: this call ends it

@@ -92,7 +92,7 @@ def test_a_restarted_job_can_be_cancelled(service: Service, order: Order, await_
     with pytest.raises(InvalidParameterException, match="is being cancelled"):
         restart(service, arn)
     await_status(arn, "Canceled")
-    worker.join(60)
+    worker.join(200)
     assert not worker.is_alive()
     assert not working_below(service.settings.home)
 

@@ -102,7 +102,7 @@ def test_simulations_have_the_niceness_that_the_setting_says(
         found = {niceness(pid) for pid in working_below(service.settings.home)}
     finally:
         service.catalog.request_cancel(arn)
-        performing.join(60.0)
+        performing.join(200.0)
 
     assert found == {7}
     assert niceness(os.getpid()) == own

@@ -50,7 +50,7 @@ def statuses(service: Service, seen: list[Resource]) -> Callable[..., list[str]]
             wait_for(partial(has_come, status, begin), status)
             begin = len(seen)
             call(operation, {"job": job["arn"]}, service)
-        worker.join(60)
+        worker.join(200)
         assert not worker.is_alive()
         return [job["status"], *(state.status for state in seen)]
 

@@ -86,47 +86,32 @@ def execute(run: FlowRun, api_url: str, folder: Path) -> subprocess.CompletedPro
 
 
 @pytest.mark.deep
-@pytest.mark.parametrize(
-    ("trouble", "first_to_begin"),
-    [
-        ("", "earlier"),
-        ("its worker is gone", "later"),
-        ("it was cancelled", "later"),
-        pytest.param("it was paused", "later", marks=pytest.mark.endurance),
-    ],
-)
-def test_a_night_gives_its_place_to_one_that_was_due_earlier(
-    client: SyncPrefectClient,
-    night: MakeNight,
-    prefect_server: str,
-    tmp_path: Path,
-    trouble: str,
-    first_to_begin: str,
+def test_a_night_gives_its_place_to_one_that_was_due_earlier_and_still_waits(
+    client: SyncPrefectClient, night: MakeNight, prefect_server: str, tmp_path: Path
 ) -> None:
-    before, earlier, later = night(), night(), night()
+    """Three that were due before both wait no more: the worker of one is gone, others were cancelled or paused."""
+    before, gone, cancelled, paused, earlier, later = (night() for _ in range(6))
+    scheduled_at(earlier, datetime.now(UTC) - timedelta(hours=5))  # missed, and not too late to be made up for
+    for hours, run in enumerate((gone, cancelled, paused), 6):
+        change_run(run, "expected_start_time", f"{datetime.now(UTC) - timedelta(hours=hours):%F %T.%f}")
     client.set_flow_run_state(before.id, Pending())
-    for run in (earlier, later):
+    for run in (gone, cancelled, paused, earlier, later):
         answer = client.set_flow_run_state(run.id, Pending())
         assert answer.state is not None
         assert answer.state.name == "AwaitingConcurrencySlot"
-    if trouble == "its worker is gone":
-        change_run(earlier, "next_scheduled_start_time", f"{datetime.now(UTC) - timedelta(minutes=5):%F %T.%f}")
-    elif trouble:
-        state = Cancelled() if "cancelled" in trouble else Paused(timeout_seconds=3600)
-        client.set_flow_run_state(earlier.id, state, force=True)
+    change_run(gone, "next_scheduled_start_time", f"{datetime.now(UTC) - timedelta(minutes=5):%F %T.%f}")
+    client.set_flow_run_state(cancelled.id, Cancelled(), force=True)
+    client.set_flow_run_state(paused.id, Paused(timeout_seconds=3600), force=True)
     client.set_flow_run_state(before.id, Completed())
 
     assert client.set_flow_run_state(later.id, Pending()).status.value == "ACCEPT"  # it asked first
     done = execute(later, prefect_server, tmp_path)
 
     after = client.read_flow_run(later.id)
-    assert after.state is not None
     assert done.returncode == 0, done.stderr
-    if first_to_begin == "later":
-        assert after.state.is_completed(), done.stderr
-        return
+    assert after.state is not None
     assert (after.state.type.value, after.state.name) == ("SCHEDULED", "AwaitingConcurrencySlot"), done.stderr
-    assert earlier.name in (after.state.message or "")
+    assert after.state.message == f"waits until the runs before it have begun: {earlier.name}"
     assert after.expected_start_time == later.expected_start_time, "lateness counts from when it was due"
     waits = client.read_flow_run(earlier.id)
     assert waits.next_scheduled_start_time is not None
@@ -134,32 +119,30 @@ def test_a_night_gives_its_place_to_one_that_was_due_earlier(
     assert after.next_scheduled_start_time > waits.next_scheduled_start_time
     assert not (tmp_path / "home" / "runs").exists()
     # Its place is free: the earlier one begins, and the later one after it.
-    for run in (earlier, later):
+    for count, run in enumerate((earlier, later), 1):
         assert client.set_flow_run_state(run.id, Pending()).status.value == "ACCEPT"
         done = execute(run, prefect_server, tmp_path)
         ended = client.read_flow_run(run.id).state
         assert ended is not None
         assert ended.is_completed(), done.stderr
+        assert len([*(tmp_path / "home" / "runs").glob("*/run.json")]) == count, done.stderr
 
 
 @pytest.mark.deep
-@pytest.mark.parametrize(("late_h", "state"), [(7, "Skipped"), (5, "Completed")])
-def test_a_night_that_was_missed_is_skipped_or_made_up_for(
-    client: SyncPrefectClient, night: MakeNight, prefect_server: str, tmp_path: Path, late_h: int, state: str
+def test_a_night_that_was_missed_for_too_long_is_skipped(
+    client: SyncPrefectClient, night: MakeNight, prefect_server: str, tmp_path: Path
 ) -> None:
     run = night()
-    scheduled_at(run, datetime.now(UTC) - timedelta(hours=late_h))
+    scheduled_at(run, datetime.now(UTC) - timedelta(hours=7))
 
     ended = execute(run, prefect_server, tmp_path)
 
-    after = client.read_flow_run(run.id)
-    assert after.state is not None, ended.stderr
-    assert after.state.name == state, ended.stderr
-    assert after.state.is_final()
-    assert (tmp_path / "home" / "runs").exists() == (state == "Completed")
-    if state == "Skipped":
-        assert after.state.is_cancelled()
-        assert "begun 7.0 h later; at most 6 h are allowed (ROBOMAKER_MAX_LATE_HOURS)" in (after.state.message or "")
+    state = client.read_flow_run(run.id).state
+    assert state is not None, ended.stderr
+    assert state.name == "Skipped", ended.stderr
+    assert state.is_cancelled()
+    assert not (tmp_path / "home" / "runs").exists()
+    assert "begun 7.0 h later; at most 6 h are allowed (ROBOMAKER_MAX_LATE_HOURS)" in (state.message or "")
 
 
 async def dates(cron: str, timezone: str, year: int) -> list[datetime]:

@@ -140,10 +140,10 @@ def test_those_who_wait_for_a_bundle_do_not_keep_others_from_it(service: Service
     threads[1].start()
     assert waits_too.wait(60.0)
     stopped.set()
-    threads[1].join(60.0)
+    threads[1].join(200.0)
     assert len(errors) == 1
     away.set()
-    threads[0].join(60.0)
+    threads[0].join(200.0)
     assert len(errors) == 2
 
 
@@ -178,10 +178,10 @@ def test_a_job_that_waits_until_another_has_fetched_a_bundle_hears_that_it_is_st
     waiting = threading.Thread(target=fetch, args=(second,), daemon=True)
     waiting.start()
     stopped.set()
-    waiting.join(60.0)
+    waiting.join(200.0)
     assert [type(error) for error in errors] == [StorageUnavailableError]
     hangs.set()
-    holder.join(60.0)
+    holder.join(200.0)
 
 
 def test_find_same_of_what_is_not_there(directory: DirectoryStore, folder: Path) -> None:

@@ -14,7 +14,7 @@ from prefect_robomaker.tasks.worldforge.floorplans.floorplan import generate_flo
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
 
 TEMPLATES = 100
-FEW_TEMPLATES = 40
+FEW_TEMPLATES = 25
 WORLDS_EACH = 20
 SEATS = {"Sofas", "LivingRoomChairs"}
 

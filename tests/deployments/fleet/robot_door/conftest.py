@@ -146,7 +146,7 @@ def server(door: RobotDoor) -> Iterator[int]:
         yield running.servers[0].sockets[0].getsockname()[1]
     finally:
         running.should_exit = True
-        thread.join(60)
+        thread.join(200)
 
 
 @pytest.fixture

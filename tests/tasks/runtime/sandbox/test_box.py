@@ -110,7 +110,7 @@ def serving(greeting: bytes) -> Iterator[int]:
         thread.start()
         yield server.getsockname()[1]
         server.shutdown(socket.SHUT_RDWR)
-        thread.join(60)
+        thread.join(200)
 
 
 def test_a_signal_is_seen_as_in_no_box(boxed: Launcher, program: MakeProgram, plan_programs: Plan) -> None:

@@ -26,7 +26,7 @@ def control(monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.socket]:
     with ours, theirs:
         yield ours
         ours.shutdown(socket.SHUT_RDWR)
-        server.join(60)
+        server.join(200)
         assert not server.is_alive()
 
 

@@ -252,9 +252,11 @@ def test_a_floor_fits_its_wall_and_is_as_deep_as_a_balcony(longest: int, area_m2
         assert 1.2 <= size.deep / 20 <= 2.5
 
 
-@pytest.mark.deep
-def test_a_robot_enters_all_rooms_of_random_templates_with_balconies() -> None:
-    for number in range(10):
+@pytest.mark.parametrize(
+    "templates", [pytest.param(5, marks=pytest.mark.deep), pytest.param(20, marks=pytest.mark.endurance)]
+)
+def test_a_robot_enters_all_rooms_of_random_templates_with_balconies(templates: int) -> None:
+    for number in range(templates):
         body: WorldTemplateBody = random_template(number, balconies=True)
         world = generate_world(body, *seeds_for(number, 0, 0))
         check(world)
