@@ -85,7 +85,9 @@ def show(visit: Visit) -> Response:
             card, job=told, title=told.title, files=shown, poster=None if "video.mp4" in files else card.poster, log=""
         )
     drive = card if card is not None and timeline is not None and timeline.trial is None and timeline.end_s else None
-    if card is not None and drive is not None and drive.plan:  # it stands beside the video, under the time line
+    trial_plan = _trial_plan(view, timeline)
+    # One plan is enough: it stands beside the video, under the time line.
+    if card is not None and ((drive is not None and drive.plan) or trial_plan):
         card = replace(card, plan=None, plan_note="")
     return visit.page(
         "job.html.j2",
@@ -104,7 +106,7 @@ def show(visit: Visit) -> Response:
         links=links,
         timeline=timeline,
         timeline_later=RUNS_ON,
-        trial_plan=_trial_plan(view, timeline),
+        trial_plan=trial_plan,
         frame=_frame(view, timeline),
         videos=[f"{timeline.folder}{name}" for name in VIDEOS if f"{timeline.folder}{name}" in files]
         if timeline

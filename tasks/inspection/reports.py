@@ -48,6 +48,7 @@ from ..simulations.planning.run_plans import world_arn
 from ..worlds.previews import preview_of
 from .challenges import judged_challenge
 from .job_outputs import (
+    drawn_trial,
     inputs_of_request,
     judged_without_outputs,
     outputs_of,
@@ -429,6 +430,7 @@ def installed_versions() -> dict[str, str]:
 def _reported_job(job: Resource, service: Service) -> ReportedJob:
     document = SimulationJobDocument.of(job)
     files, result, poster, removed = outputs_of(document.outputs, service)
+    drawn = drawn_trial(document.outputs, result, files, service)
     duration = document.simulation_time_millis
     if result is None and document.verdict and job.status == "Completed":
         result = judged_without_outputs(document)
@@ -447,6 +449,8 @@ def _reported_job(job: Resource, service: Service) -> ReportedJob:
         application=application_name(document.request),
         seed=document.seed,
         result=result,
+        drawn_trial=drawn[0] if drawn else None,
+        drawn_result=drawn[1] if drawn else None,
         poster_png=poster,
         files=files,
         removed_files=removed,
