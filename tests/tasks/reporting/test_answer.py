@@ -116,9 +116,7 @@ def test_files_of_recorded_trials_are_folded_away(make_job: Any, make_result: An
     assert "recording.mcap" not in before
 
 
-def test_a_page_with_trials_says_what_it_counts(
-    make_job: Any, make_result: Any, make_report: Any, tmp_path: Path
-) -> None:
+def test_a_page_with_trials_says_what_it_counts(make_job: Any, make_result: Any, make_report: Any) -> None:
     page = render_report(make_report([], [make_job("sim-1", None, result=make_result("PASS", 9))]))
     assert "Judged are the trials" not in page
     assert "1 of 1 judged jobs passed" in page
