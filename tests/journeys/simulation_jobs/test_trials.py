@@ -287,6 +287,22 @@ def test_progress_counts_trials(service: Service, swing: Simulate) -> None:
 
 
 @pytest.mark.deep
+def test_progress_names_the_trial_that_is_recorded_again(service: Service, swing: Simulate) -> None:
+    told: list[Progress] = []
+    trials = {"seeds": 2, "record": [0, 1]}
+    # A trial takes about four seconds, twice as long as it may take until one is told.
+    job = swing(perform=False, job={"trials": trials}, TIME_LIMIT_S="0.5", SLEEP_S="0.08")
+    perform_simulation_job(job["arn"], service.watched_by(told.append))
+
+    recorded = [each.trials for each in told if each.trials]
+    assert {each.to_record for each in recorded} == {2}
+    assert [each.recorded for each in recorded] == sorted(each.recorded for each in recorded)
+    assert f"records trial 1 of job {job['name']}" in {each.recording for each in recorded}
+    stored = service.catalog.get(job["arn"]).document["trialsRecorded"]
+    assert stored["total"] == 2
+
+
+@pytest.mark.deep
 def test_progress_of_a_batch_counts_the_trials_of_its_jobs(
     service: Service, swing: Simulate, prefect_server: str
 ) -> None:
