@@ -16,6 +16,7 @@ from ...schemas.job_owners import JobStanding
 from ...schemas.lifecycles import is_terminal
 from ...schemas.reports.names import with_id
 from ...schemas.reports.report import Share
+from ...schemas.reports.run_states import run_state
 from ...tasks.catalog import Resource
 from ...tasks.jobs.job_owners import standing_of
 from ...tasks.reporting.outcomes import times_by_part
@@ -203,7 +204,7 @@ def follow(visit: Visit) -> Response:
 def batch_lines(batches: Iterable[Resource], visit: Visit) -> list[BatchLine]:
     """Makes rows of batches for lists in the web console."""
     briefs = visit.context.briefs.of(batches)
-    return [_line(batch, brief, {} if _has_ended(batch) else _count(batch, visit)) for batch, brief in briefs]
+    return [_line(batch, brief, visit) for batch, brief in briefs]
 
 
 def batches_of_run(run_id: str, visit: Visit) -> list[BatchLine]:
@@ -221,13 +222,14 @@ def _has_ended(batch: Resource) -> bool:
     return is_terminal(BATCH, batch.status)
 
 
-def _line(batch: Resource, document: BatchInBrief, counts: dict[str, int]) -> BatchLine:
+def _line(batch: Resource, document: BatchInBrief, visit: Visit) -> BatchLine:
+    counts: dict[str, int] = {} if _has_ended(batch) else _count(batch, visit)
     total = document.request_count or sum(counts.values())
     done = total if _has_ended(batch) else sum(count for each, count in counts.items() if is_terminal(JOB, each))
     return BatchLine(
         id=batch.id,
         status=batch.status,
-        look=_look(batch, document.verdicts, total),
+        look=_look(batch, document, total, visit),
         total=total,
         done=done,
         spec_run=document.spec_run or "",
@@ -237,14 +239,35 @@ def _line(batch: Resource, document: BatchInBrief, counts: dict[str, int]) -> Ba
     )
 
 
-def _look(batch: Resource, verdicts: dict[str, int] | None, total: int) -> Look:
-    """Returns how a batch's state is shown; for a completed batch, how its jobs ended."""
-    if batch.status == "Completed" and verdicts is not None:
-        if verdicts.get("ERROR") or sum(verdicts.values()) < total:
-            return Look("broken", "some broke")
-        if verdicts.get("FAIL"):
-            return Look("failed", "some failed")
-    return look_of_status(BATCH, batch.status)
+def _look(batch: Resource, document: BatchInBrief, total: int, visit: Visit) -> Look:
+    """Returns how a batch's state is shown: in the words and colours of its jobs and of its run."""
+    verdicts = document.verdicts
+    if batch.status == "Failed":
+        return Look("broken", "broken")
+    if batch.status == "TimedOut":
+        return Look("unfinished", "timed out")
+    if batch.status != "Completed" or verdicts is None:
+        return look_of_status(BATCH, batch.status)
+    is_broken = verdicts.get("ERROR") or sum(verdicts.values()) < total
+    if not is_broken and not verdicts.get("FAIL"):
+        return Look("passed", "passed") if verdicts.get("PASS") else look_of_status(BATCH, batch.status)
+    if _is_no_trouble(batch, document, visit):
+        return Look("passed", "passed, failures known")
+    return Look("broken", "broken") if is_broken else Look("failed", "failed")
+
+
+def _is_no_trouble(batch: Resource, document: BatchInBrief, visit: Visit) -> bool:
+    """Whether the batch's run has ended and takes what failed in the batch for none: known, or sabotaged robots."""
+    from .runs import record_of  # runs list their batches
+
+    record = record_of(document.spec_run, visit) if document.spec_run else None
+    if record is None:
+        return False
+    if record.challenge is not None:
+        return record.state == "succeeded"
+    steps = {step.name for step in record.steps if step.arn == batch.arn}
+    jobs = [job for job in record.jobs if job.step in steps]
+    return bool(jobs) and run_state([batch.status], jobs) == "succeeded"
 
 
 def _jobs(visit: Visit, batch: str) -> list[JobLine]:
@@ -270,7 +293,7 @@ def _view(batch: Resource, visit: Visit) -> BatchView:
     ]
     return BatchView(
         batch=batch,
-        look=_look(batch, document.verdicts, requests),
+        look=_look(batch, document, requests, visit),
         tiles=tiles,
         rate=rate_of(by_number.values()),
         left_s=None if is_terminal(BATCH, batch.status) else _left_s(batch, list(by_number.values()), requests),

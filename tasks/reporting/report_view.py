@@ -17,7 +17,7 @@ from . import outcomes
 from .answer import answer_of
 from .causes import WhyView, view_why
 from .drawings import plan
-from .outcomes import Outcome, count_outcomes, headline, outcome_of
+from .outcomes import Outcome, headline, outcome_of
 from .pictures import Picture, PictureError, budget_for_each, embed_picture
 from .summaries import folder_of, summarize, why_broken
 from .worlds import TrialsView, WorldView, view_trials, view_worlds
@@ -109,6 +109,16 @@ class JobView:
     """Trials of the job, if it has any."""
 
     @property
+    def key(self) -> str:
+        """CSS class and icon of the job's state: a known failure has the colour of what is not judged."""
+        return Outcome.UNJUDGED.key if self.job.known else self.outcome.key
+
+    @property
+    def state(self) -> str:
+        """The job's state in a word or two: `passed`, `known failure`."""
+        return "known failure" if self.job.known else self.outcome.value
+
+    @property
     def result(self) -> RunResult | None:
         """The job's result, if it has one."""
         return self.job.result
@@ -134,7 +144,6 @@ class Page:
     headline: str
     answer: str
     """Result of the run in one sentence without full stop: how many passed, and what is new since the last run."""
-    counts: dict[Outcome, int]
     numbers: ReportSummary
     duration: str
     longest_step_s: float
@@ -207,6 +216,12 @@ class Page:
         if self.numbers.trials == len(self.jobs):
             return ""
         return "Judged are the trials that passed or failed."
+
+    @property
+    def counts(self) -> dict[tuple[str, str], int]:
+        """Numbers of jobs by state, with its CSS class, the worst first."""
+        counts = Counter((job.key, job.state) for job in sorted(self.jobs, key=lambda job: job.outcome.rank))
+        return dict(counts)
 
     @property
     def failures(self) -> list[JobView]:
@@ -306,7 +321,6 @@ def view_report(report: Report, results: ResultTable | None = None) -> Page:
         report=report,
         headline=headline(report),
         answer=answer_of(report, numbers),
-        counts=count_outcomes(report.jobs),
         numbers=numbers,
         duration=outcomes.duration((report.ended_at - report.started_at).total_seconds()),
         longest_step_s=max((step.duration_s for step in report.steps), default=0.0),

@@ -133,3 +133,16 @@ def test_times_say_whose_they_are(mixed_report: Report) -> None:
     assert "Wall time <" in html
     assert "Wall time is that of the whole job" in html
     assert ">Duration<" not in html
+
+
+def test_a_known_failure_is_not_red_in_a_report_that_is_green(
+    make_job: Any, make_result: Any, make_report: Any
+) -> None:
+    jobs = [make_job(name, None, result=make_result("FAIL", 3)) for name in ("sim-1", "sim-2")]
+    jobs[0] = jobs[0].model_copy(update={"known": "ann, until 2026-04-01: slow"})
+    page = view_report(make_report([], jobs))
+    assert page.counts == {("unjudged", "known failure"): 1, ("failed", "failed"): 1}
+    html = render_report(make_report([], jobs[:1], state="succeeded"))
+    assert 'class="badge failed"' not in html
+    assert 'class="tile failed"' not in html
+    assert "known failure" in html
