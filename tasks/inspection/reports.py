@@ -495,6 +495,7 @@ def _job_record(job: ReportedJob, name: str, place: StoredPlace | None, service:
         rooms_visited=sum(room.visited for room in result.rooms) if result and result.rooms else None,
         rooms_total=len(result.rooms) if result and result.rooms else None,
         duration_s=job.duration_s,
+        sim_time_s=(result.sim_time_s or None) if result else None,
         failure_code=job.failure_code,
         failure_reason=job.failure_reason,
         verdict_reason=result.reason if result else None,
