@@ -21,6 +21,7 @@ from prefect_robomaker.schemas.runs.trial_rows import TrialsSummary
 from prefect_robomaker.schemas.runs.trials import TrialCounts
 from prefect_robomaker.schemas.wire.errors import ConfigurationError, InvalidParameterException
 from prefect_robomaker.tasks.inspection.replays import reproduce_run, verify_run
+from prefect_robomaker.tasks.inspection.reports import report_of_job
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.operations.simulation_jobs import perform_simulation_job
@@ -56,6 +57,10 @@ def test_some_trials_fail_and_the_job_says_which(service: Service, swing: Simula
     summary = TrialsSummary.of(result)
     assert summary is not None
     assert [each.trial for each in summary.failing] == failing
+    shown = report_of_job(job["arn"], service).jobs[0]
+    assert shown.drawn_trial == failing[0], "the report draws the path of the first that did not pass"
+    assert shown.drawn_result is not None
+    assert shown.drawn_result.verdict == "FAIL"
     assert (summary.planned, summary.counts.total, summary.counts.failed) == (8, 8, len(failing))
     # The job is judged by its trials.
     assert result.verdict == "FAIL"
