@@ -106,6 +106,11 @@ def test_a_batch_shows_which_jobs_only_draw_or_store_and_where_the_time_went(
     assert looks == ["running", "running", "drawing", "storing"]  # the batch, then its jobs
     assert "1 of 4 jobs ended" in page
     assert f"Where the time went: {words}" in browser.get(f"/console/jobs/{shown}").text
+    filmed = store_job(verdict="FAIL", request={"tags": {"robomaker:video": "always"}}, **done)
+    assert (
+        "simulation with its videos 8.0 s, last seconds of failures 4.0 s"
+        in browser.get(f"/console/jobs/{filmed}").text
+    )
 
 
 def test_a_run_is_compared_with_nights_of_its_specification_only(browser: Any, service: Service) -> None:
