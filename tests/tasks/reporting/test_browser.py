@@ -47,8 +47,8 @@ def needs_no_scrolling_sideways(tab: Page, width: int) -> None:
 
 
 def can_be_touched(tab: Page) -> None:
-    shown = "[...document.querySelectorAll('a, button, summary')].filter(each => each.getBoundingClientRect().width > 0)"
-    flat = f"{shown}.filter(each => each.getBoundingClientRect().height < 23.9).map(each => each.outerHTML)"
+    is_flat = "each => (box => box.width > 0 && box.height < 23.9)(each.getBoundingClientRect())"
+    flat = f"[...document.querySelectorAll('a, button, summary')].filter({is_flat}).map(each => each.outerHTML)"
     assert tab.evaluate(flat) == [], "WCAG 2.2 asks for targets of 24 pixels"
 
 
