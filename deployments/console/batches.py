@@ -5,7 +5,8 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from functools import cached_property
+from functools import cached_property, lru_cache
+from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup, escape
@@ -16,7 +17,11 @@ from ...schemas.job_owners import JobStanding
 from ...schemas.lifecycles import is_terminal
 from ...schemas.reports.names import with_id
 from ...schemas.reports.report import Share
+from ...schemas.reports.run_record import RunRecord
+from ...schemas.reports.run_states import run_state
+from ...schemas.wire.errors import ConfigurationError
 from ...tasks.catalog import Resource
+from ...tasks.inspection.run_records import RECORD_NAME, read_record
 from ...tasks.jobs.job_owners import standing_of
 from ...tasks.reporting.outcomes import times_by_part
 from .batch_caches import Known
@@ -203,7 +208,7 @@ def follow(visit: Visit) -> Response:
 def batch_lines(batches: Iterable[Resource], visit: Visit) -> list[BatchLine]:
     """Makes rows of batches for lists in the web console."""
     briefs = visit.context.briefs.of(batches)
-    return [_line(batch, brief, {} if _has_ended(batch) else _count(batch, visit)) for batch, brief in briefs]
+    return [_line(batch, brief, visit) for batch, brief in briefs]
 
 
 def batches_of_run(run_id: str, visit: Visit) -> list[BatchLine]:
@@ -221,13 +226,14 @@ def _has_ended(batch: Resource) -> bool:
     return is_terminal(BATCH, batch.status)
 
 
-def _line(batch: Resource, document: BatchInBrief, counts: dict[str, int]) -> BatchLine:
+def _line(batch: Resource, document: BatchInBrief, visit: Visit) -> BatchLine:
+    counts: dict[str, int] = {} if _has_ended(batch) else _count(batch, visit)
     total = document.request_count or sum(counts.values())
     done = total if _has_ended(batch) else sum(count for each, count in counts.items() if is_terminal(JOB, each))
     return BatchLine(
         id=batch.id,
         status=batch.status,
-        look=_look(batch, document.verdicts, total),
+        look=_look(batch, document, total, visit),
         total=total,
         done=done,
         spec_run=document.spec_run or "",
@@ -237,17 +243,36 @@ def _line(batch: Resource, document: BatchInBrief, counts: dict[str, int]) -> Ba
     )
 
 
-def _look(batch: Resource, verdicts: dict[str, int] | None, total: int) -> Look:
-    """Returns how a batch's state is shown; for a completed batch, how its jobs ended.
+def _look(batch: Resource, document: BatchInBrief, total: int, visit: Visit) -> Look:
+    """Returns how a batch's state is shown: in the words and colours of its jobs and of its run."""
+    verdicts = document.verdicts
+    if batch.status == "Failed":
+        return Look("broken", "broken")
+    if batch.status == "TimedOut":
+        return Look("unfinished", "timed out")
+    if batch.status != "Completed" or verdicts is None:
+        return look_of_status(BATCH, batch.status)
+    is_broken = verdicts.get("ERROR") or sum(verdicts.values()) < total
+    if not is_broken and not verdicts.get("FAIL"):
+        return Look("passed", "passed") if verdicts.get("PASS") else look_of_status(BATCH, batch.status)
+    if _is_no_trouble(batch, document, visit):
+        return Look("passed", "passed, failures known")
+    return Look("broken", "broken") if is_broken else Look("failed", "failed")
 
-    `verdicts` counts its jobs by verdict; `None` if they are not counted. `total` is the number of its requests.
-    """
-    if batch.status == "Completed" and verdicts is not None:
-        if verdicts.get("ERROR") or sum(verdicts.values()) < total:
-            return Look("broken", "some broke")
-        if verdicts.get("FAIL"):
-            return Look("failed", "some failed")
-    return look_of_status(BATCH, batch.status)
+
+def _is_no_trouble(batch: Resource, document: BatchInBrief, visit: Visit) -> bool:
+    """Whether the batch's run has ended and takes what failed in the batch for none: known, or sabotaged robots."""
+    name = document.spec_run or ""
+    path = visit.service.settings.home / "runs" / name / RECORD_NAME
+    # Who sees the batch sees its state; nothing else of the run's record is shown.
+    record = record_at(path, path.stat().st_mtime_ns) if name and "/" not in name and path.is_file() else None
+    if record is None:
+        return False
+    if record.challenge is not None:
+        return record.state == "succeeded"
+    steps = {step.name for step in record.steps if step.arn == batch.arn}
+    jobs = [job for job in record.jobs if job.step in steps]
+    return bool(jobs) and run_state([batch.status], jobs) == "succeeded"
 
 
 def _jobs(visit: Visit, batch: str) -> list[JobLine]:
@@ -273,7 +298,7 @@ def _view(batch: Resource, visit: Visit) -> BatchView:
     ]
     return BatchView(
         batch=batch,
-        look=_look(batch, document.verdicts, requests),
+        look=_look(batch, document, requests, visit),
         tiles=tiles,
         rate=rate_of(by_number.values()),
         left_s=None if is_terminal(BATCH, batch.status) else _left_s(batch, list(by_number.values()), requests),
@@ -301,3 +326,18 @@ def _parts_of(view: BatchView, visit: Visit) -> dict[str, Any]:
         "more_failures": len(failures) - _MOST_SHOWN,
         "posters": visit.context.posters.of(failures[:_MOST_POSTERS]),
     }
+
+
+@lru_cache(maxsize=256)
+def record_at(path: Path, changed_at: int) -> RunRecord | None:
+    """Reads a run's record, cached until its file changes; `None` if it cannot be read.
+
+    Args:
+        path: Path of the record.
+        changed_at: Time of the file's last change, in nanoseconds.
+    """
+    del changed_at
+    try:
+        return read_record(path)
+    except (ConfigurationError, OSError):
+        return None

@@ -24,7 +24,7 @@ from ...tasks.reporting import view_report
 from ...tasks.reporting.drawings.plan import draw_bare_path, draw_job_plan
 from ...tasks.reporting.drawings.svg_writing import Frame
 from ...tasks.reporting.drawings.trajectory import finite_path
-from ...tasks.reporting.outcomes import times_by_part
+from ...tasks.reporting.outcomes import times_by_part, times_with_videos
 from ...tasks.reporting.report_view import Page
 from ...tasks.simulations.outputs.upload_files import visit_matches
 from ..endpoint.origins import is_loopback
@@ -85,13 +85,18 @@ def show(visit: Visit) -> Response:
             card, job=told, title=told.title, files=shown, poster=None if "video.mp4" in files else card.poster, log=""
         )
     drive = card if card is not None and timeline is not None and timeline.trial is None and timeline.end_s else None
-    if card is not None and drive is not None and drive.plan:  # it stands beside the video, under the time line
+    trial_plan = _trial_plan(view, timeline)
+    names: dict[str, str] = dict(
+        zip(("simulation", "videos of failures"), times_with_videos([document.request]), strict=True)
+    )
+    # One plan is enough: it stands beside the video, under the time line.
+    if card is not None and ((drive is not None and drive.plan) or trial_plan):
         card = replace(card, plan=None, plan_note="")
     return visit.page(
         "job.html.j2",
         job=job,
         line=line,
-        times=times_by_part(line.parts_s),
+        times=times_by_part({names.get(part, part): time_s for part, time_s in line.parts_s.items()}),
         standing=standing_of(job, visit.service),
         document=document,
         has_ended=has_ended,
@@ -104,7 +109,7 @@ def show(visit: Visit) -> Response:
         links=links,
         timeline=timeline,
         timeline_later=RUNS_ON,
-        trial_plan=_trial_plan(view, timeline),
+        trial_plan=trial_plan,
         frame=_frame(view, timeline),
         videos=[f"{timeline.folder}{name}" for name in VIDEOS if f"{timeline.folder}{name}" in files]
         if timeline

@@ -23,7 +23,7 @@ from ...tasks.comparison.side_by_side import axes_of
 from ...tasks.inspection.run_records import RECORD_NAME, ids_of_runs, is_night, read_record, since_last
 from ...tasks.reporting import classify, view_why
 from ..spec_runs.spec_runs import Standing, read_standing
-from .batches import batches_of_run
+from .batches import batches_of_run, record_at
 from .rendering import HOME
 from .visit import Visit
 
@@ -148,7 +148,7 @@ def names_of_seen(visit: Visit) -> list[str]:
 def _latest(visit: Visit, most: int) -> list[RunRecord]:
     paths = (visit.service.settings.home / "runs").glob(f"*/{RECORD_NAME}")
     newest = newest_first(paths)[:_MOST_LOOKED_AT]
-    records = (record for path in newest if (record := _read(path, path.stat().st_mtime_ns)) is not None)
+    records = (record for path in newest if (record := record_at(path, path.stat().st_mtime_ns)) is not None)
     return list(islice((record for record in records if sees_run(visit, record)), most))
 
 
@@ -176,7 +176,9 @@ def is_known(name: str, visit: Visit) -> bool:
     path = _record_path(name, visit)
     if path is None:
         return False
-    return visit.sees_all or ((record := _read(path, path.stat().st_mtime_ns)) is not None and sees_run(visit, record))
+    return visit.sees_all or (
+        (record := record_at(path, path.stat().st_mtime_ns)) is not None and sees_run(visit, record)
+    )
 
 
 def _record_path(name: str, visit: Visit) -> Path | None:
@@ -192,7 +194,7 @@ def record_of(run_id: str, visit: Visit) -> RunRecord | None:
     if not is_known(run_id, visit):
         return None
     path = _place(run_id, visit)
-    return _read(path, path.stat().st_mtime_ns)
+    return record_at(path, path.stat().st_mtime_ns)
 
 
 class SeenRecords:
@@ -221,7 +223,7 @@ class SeenRecords:
         if now_s - asked_s >= _SEEN_FOR_S:
             is_seen = is_known(run_id, self._visit)
             self._asked[run_id] = now_s, is_seen
-        return _read(path, path.stat().st_mtime_ns) if is_seen else None
+        return record_at(path, path.stat().st_mtime_ns) if is_seen else None
 
 
 def job_in_run(arn: str, run_id: str | None, visit: Visit) -> JobRecord | None:
@@ -246,7 +248,7 @@ def find_record(visit: Visit) -> RunRecord:
         ConfigurationError: The record cannot be read.
     """
     path = _path(visit)
-    record = _read(path, path.stat().st_mtime_ns)
+    record = record_at(path, path.stat().st_mtime_ns)
     if record is None:
         raise ConfigurationError(f"the record of {path.parent.name} cannot be read")
     return record
@@ -257,13 +259,3 @@ def _since(path: Path, runs: Path) -> SinceLastRun | None:
     """Compares a run with the one before it; `None` for a rerun. Cached, since no run before it changes any more."""
     record = read_record(path)
     return None if record.rerun_of else since_last(NightRun.of(record), runs)
-
-
-@lru_cache(maxsize=256)
-def _read(path: Path, changed_at: int) -> RunRecord | None:
-    """Reads a run's record, cached until its file changes; `None` if it cannot be read."""
-    del changed_at
-    try:
-        return read_record(path)
-    except (ConfigurationError, OSError):
-        return None

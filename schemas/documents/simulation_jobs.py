@@ -8,6 +8,7 @@ from pydantic import ConfigDict, Field
 
 from ..runs.plan import Judged, Verdict
 from ..runs.programs import Scarce
+from ..runs.trials import TrialRecordings
 from ..wire.base import optional
 from .document_base import Brief, Changes, Document, FailureChanges, Json, Part
 from .worlds import StoredPlace
@@ -192,6 +193,9 @@ class SimulationJobProgress(FailureChanges):
     trials_finished: int | None = optional(
         "Number of finished trials of the last run, as last reported; absent: no trials."
     )
+    trials_recorded: TrialRecordings | None = optional(
+        "Progress of recording trials of the last run again; absent: it has not begun to."
+    )
     finished: bool | None = optional("Whether the last run wrote its outputs completely; absent: no run has ended.")
     outputs: StoredPlace | None = optional("Place of the stored outputs of its last run.")
     call_key: str | None = optional("Key with which code of the last run calls the service, until the run ends.")
@@ -228,6 +232,7 @@ class SimulationJobProgress(FailureChanges):
             judged=None,
             reached_s=0.0,
             trials_finished=None,
+            trials_recorded=None,
             simulated_at=None,
             video_s=None,
             upload_s=None,
@@ -244,6 +249,7 @@ class JobTrials(Changes):
 
     request_index: int | None = optional("Index of the job's request in its batch.")
     trials_finished: int | None = optional("Number of finished trials, as last reported.")
+    trials_recorded: TrialRecordings | None = optional("Progress of recording trials again, as last reported.")
 
 
 class JobInBrief(FailureChanges, Brief):

@@ -165,11 +165,11 @@ class AxisEffects(Model):
 
     @property
     def answer(self) -> str:
-        """Says what it changes: `changes failures, margin of polite`, `changes nothing` or `no claim`."""
+        """Says what it changes: `changes failures, margin of polite`, `changes nothing` or `no effect shown`."""
         if self.idle:
             return "changes nothing: trials that differ in it alone went through the same states"
         shown = [each.outcome for each in self.effects if each.is_shown]
-        return f"changes {', '.join(shown)}" if shown else "no claim"
+        return f"changes {', '.join(shown)}" if shown else "no effect shown"
 
     @property
     def told(self) -> list[str]:

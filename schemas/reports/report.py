@@ -78,6 +78,8 @@ class ReportedJob(Model):
     application: str | None = optional("Name of its robot application, else of its simulation application.")
     seed: int | None = optional("Seed that it was given; absent when it never became a job.")
     result: RunResult | None = optional("Content of `result.json`, if there is one.")
+    drawn_trial: int | None = optional("Number of the recorded trial whose path is drawn; absent: the job's own is.")
+    drawn_result: RunResult | None = optional("Content of that trial's `result.json`.")
     poster_png: bytes = Field(default=b"", description="A frame of the video; empty if there is none.")
     files: list[ReportedFile] = Field(default=[], description="Published outputs.")
     removed_files: int = Field(default=0, description="How many more were published and have been removed since.")

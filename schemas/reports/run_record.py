@@ -121,6 +121,9 @@ class JobRecord(Model):
     rooms_visited: int | None = optional("Rooms the robot was in.")
     rooms_total: int | None = optional("Rooms of the world.")
     duration_s: float | None = optional("Wall-clock time of the run.")
+    sim_time_s: float | None = optional(
+        "Simulated time of the run, of all trials together; absent: nothing was simulated, or it is not known."
+    )
     verdict_reason: str | None = optional("Why the verdict is FAIL: what was found and what was asked for.")
     unnamed_failure: bool = Field(
         default=False,

@@ -133,12 +133,52 @@ class Trials(Shape):
         )
 
 
+class TrialRecordings(Model):
+    """Progress of a job that runs some of its trials again to record them."""
+
+    finished: int = Field(description="Number of trials that are recorded.")
+    total: int = Field(description="Number of trials to record.")
+    trial: int = Field(description="Number of the trial that is being recorded, or was recorded last.")
+    filmed: bool = Field(description="Whether a video of it is made.")
+
+    def in_words(self, job: str) -> str:
+        """Says what is recorded now: `records a video of trial 3 of job sim-1`; empty if all are recorded."""
+        if self.finished >= self.total:
+            return ""
+        return f"records {'a video of ' if self.filmed else ''}trial {self.trial} of job {job}"
+
+
 @dataclass(frozen=True)
 class TrialCounts:
-    """Progress of the trials of some jobs: how many are done, of how many."""
+    """Progress of the trials of some jobs: how many are done, of how many, and how many are recorded again."""
 
     finished: int
     total: int
+    recorded: int = 0
+    to_record: int = 0
+    """Number of trials to record, of the jobs that have begun to."""
+
+    recording: str = ""
+    """Text on the recording that goes on, `records a video of trial 3 of job sim-1`; empty: none does."""
+
+    @property
+    def work(self) -> tuple[int, int]:
+        """Finished and total work: trials, and those that are run again to be recorded."""
+        return self.finished + self.recorded, self.total + self.to_record
+
+
+def trial_counts(finished: int, total: int, recordings: Mapping[str, TrialRecordings]) -> TrialCounts:
+    """Sums up the trials of some jobs.
+
+    Args:
+        finished: Number of finished trials.
+        total: Number of all trials.
+        recordings: Progress of recording trials again, by id of the job; jobs that do not record are absent.
+    """
+    going = [words for job, each in recordings.items() if (words := each.in_words(job))]
+    more = f" and {len(going) - 1} more" if len(going) > 1 else ""
+    recorded, to_record = (sum(getattr(each, name) for each in recordings.values()) for name in ("finished", "total"))
+    return TrialCounts(finished, total, recorded, to_record, f"{going[0]}{more}" if going else "")
 
 
 @dataclass(frozen=True)

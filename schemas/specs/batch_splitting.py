@@ -4,7 +4,7 @@ import hashlib
 import re
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 from ..operations.registry import STEPS
@@ -130,7 +130,9 @@ class EarlierParts:
             trials: Trial counts of the running part.
             total: Number of trials of the whole step; 0: not divided, or none.
         """
-        return TrialCounts(self._finished(trials), total) if total else trials
+        if not total:
+            return trials
+        return replace(trials or TrialCounts(0, 0), finished=self._finished(trials), total=total)
 
     def _finished(self, trials: TrialCounts | None) -> int:
         return self.trials_finished + (trials.finished if trials else 0)

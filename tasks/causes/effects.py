@@ -76,7 +76,8 @@ def _effect(
     if not name and (rare := min(evidence.failed.sum(), (~evidence.failed).sum())) < FEWEST_OUTCOMES:
         one, several = ("failure", "failures") if evidence.failed.sum() == rare else ("pass", "passes")
         few = f"{rare} {one} is" if rare == 1 else f"{rare} {several} are"
-        return Effect(on=name, refused=f"{few} too few for an interval; {FEWEST_OUTCOMES} would do")
+        least = f"it takes {FEWEST_OUTCOMES} {several} of any kind"
+        return Effect(on=name, refused=f"{few} too few for an interval: {least}")
     if np.nanmax(outcomes) == np.nanmin(outcomes):
         return Effect(on=name, unit=unit, refused="it is the same in all trials")
     found: list[Effect] = []
@@ -106,5 +107,5 @@ def _too_few_apart(name: str, outcomes: NDArray[np.float64], evidence: Evidence,
         few, least = apart * min(share, 1 - share), FEWEST_EXPECTED
         what = f"{'failures' if share <= 0.5 else 'passes'} to be expected"
     return (
-        f"{few:.2g} {what} with its rarer values are too few for an interval; {least} would do" if few < least else ""
+        f"{few:.2g} {what} with its rarer values are too few for an interval: it takes {least}" if few < least else ""
     )

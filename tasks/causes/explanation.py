@@ -149,8 +149,8 @@ def _too_few(evidence: Evidence, group: Group, fewest: int, axes: Sequence[AxisC
     fit = _best_fit(evidence, group, axes)
     may = f"; {_may_go_with(evidence, group, *fit)}" if fit is not None and fit[1].low > 1 else ""
     return (
-        f"{failures} {'failure is' if failures == 1 else 'failures are'} too few to claim a cause; {fewest} would do, "
-        f"which at this rate takes {counted(needed, 'trial', ',')} instead of {trials:,}{may}"
+        f"{failures} {'failure is' if failures == 1 else 'failures are'} too few to claim a cause: it takes {fewest} "
+        f"failures of this kind, at this rate {needed:,} trials instead of {trials:,}{may}"
     )
 
 

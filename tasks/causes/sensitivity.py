@@ -90,8 +90,7 @@ def along(
         return None
     count = int(known.sum())
     if count < FEWEST_TRIALS:
-        are = "is" if count == 1 else "are"
-        return f"{counted(count, 'trial')} with a margin {are} too few for an interval; {FEWEST_TRIALS} would do"
+        return f"{count} trials with a margin are too few for an interval: it takes {FEWEST_TRIALS}"
     x, y = (within(each[known], evidence.jobs[known]) for each in (values, margins))
     square = float((x**2).sum())
     if square <= 1e-12 * float((values[known] ** 2).sum() + 1e-12):
@@ -102,7 +101,7 @@ def along(
     clusters = len(np.unique(clusterings[0]))
     if clusters < FEWEST_CLUSTERS:
         there = counted(worlds, "world")
-        return f"{clusters} seeds or cells in {there} are too few for an interval; {FEWEST_CLUSTERS} would do"
+        return f"{clusters} seeds or cells in {there} are too few for an interval: it takes {FEWEST_CLUSTERS}"
     slope = float((x * y).sum()) / square
     left = y - slope * x
     parts = x * left / square

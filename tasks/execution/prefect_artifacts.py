@@ -120,7 +120,7 @@ class _Bar:
             return
         done = sum(count for state, count in progress.counts.items() if state.lower() in FINISHED)
         if progress.trials is not None:  # they say more exactly how far it is
-            done, total = progress.trials.finished, progress.trials.total
+            done, total = progress.trials.work
         else:
             total = progress.total
         percent = 100.0 * done / max(total, 1)

@@ -20,7 +20,7 @@ from ...schemas.runs.plan import RunResult
 from ...schemas.runs.programs import ApplicationRole
 from ...schemas.runs.provenance import PROVENANCE_FILE
 from ...schemas.runs.requirements import REQUIREMENTS_VARIABLE
-from ...schemas.runs.trial_rows import TRIALS_FILE
+from ...schemas.runs.trial_rows import TRIALS_FILE, TrialsSummary, trial_folder
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.errors import InvalidParameterException, ObjectNotFoundError, StorageError
 from ...schemas.wire.json_values import is_mapping
@@ -68,6 +68,35 @@ def outputs_of(place: StoredPlace | None, service: Service) -> tuple[list[Report
         for entry in entries
     ]
     return files, parsed, poster, removed_before(manifest)[0]
+
+
+def drawn_trial(
+    place: StoredPlace | None, result: RunResult | None, files: Sequence[ReportedFile], service: Service
+) -> tuple[int, RunResult] | None:
+    """Reads the trial of a job whose path a report draws: the first recorded one that did not pass, else the first.
+
+    Args:
+        place: Place of the job's outputs.
+        result: The job's result.
+        files: The job's outputs.
+        service: Service that stores them.
+
+    Returns:
+        Number and result of the trial; None: the job has no trials, or none that was recorded and can be read.
+    """
+    summary = TrialsSummary.of(result)
+    if summary is None or place is None:
+        return None
+    names = {file.name for file in files}
+    first = [each.trial for each in summary.failing] + summary.recorded
+    number = next((each for each in first if f"{trial_folder(each)}/result.json" in names), None)
+    if number is None:
+        return None
+    try:
+        content = service.store.get_bytes(place.bucket, f"{place.prefix}/{trial_folder(number)}/result.json")
+        return number, RunResult.model_validate_json(content)
+    except (StorageError, ValidationError):
+        return None
 
 
 def drive_of(job: JobRecord, service: Service) -> Drive:

@@ -49,6 +49,7 @@ from ..simulations.planning.run_plans import world_arn
 from ..worlds.previews import preview_of
 from .challenges import judged_challenge
 from .job_outputs import (
+    drawn_trial,
     inputs_of_request,
     judged_without_outputs,
     outputs_of,
@@ -432,6 +433,7 @@ def installed_versions() -> dict[str, str]:
 def _reported_job(job: Resource, service: Service) -> ReportedJob:
     document = SimulationJobDocument.of(job)
     files, result, poster, removed = outputs_of(document.outputs, service)
+    drawn = drawn_trial(document.outputs, result, files, service)
     duration = document.simulation_time_millis
     if result is None and document.verdict and job.status == "Completed":
         result = judged_without_outputs(document)
@@ -450,6 +452,8 @@ def _reported_job(job: Resource, service: Service) -> ReportedJob:
         application=application_name(document.request),
         seed=document.seed,
         result=result,
+        drawn_trial=drawn[0] if drawn else None,
+        drawn_result=drawn[1] if drawn else None,
         poster_png=poster,
         files=files,
         removed_files=removed,
@@ -494,6 +498,7 @@ def _job_record(job: ReportedJob, name: str, place: StoredPlace | None, service:
         rooms_visited=sum(room.visited for room in result.rooms) if result and result.rooms else None,
         rooms_total=len(result.rooms) if result and result.rooms else None,
         duration_s=job.duration_s,
+        sim_time_s=(result.sim_time_s or None) if result else None,
         failure_code=job.failure_code,
         failure_reason=job.failure_reason,
         verdict_reason=result.reason if result else None,

@@ -12,7 +12,7 @@ from ...schemas.documents.document_base import Json
 from ...schemas.documents.simulation_jobs import JobTrials, SimulationJobBatchDocument
 from ...schemas.lifecycles import is_terminal
 from ...schemas.runs.programs import STOPPING, Scarce, StopReason
-from ...schemas.runs.trials import TrialCounts, planned_trials
+from ...schemas.runs.trials import TrialCounts, TrialRecordings, planned_trials, trial_counts
 from ...schemas.wire.errors import ConfigurationError, LeaseLostError, ResourceNotFoundException, RobomakerError
 from ...schemas.wire.errors import ServiceUnavailableException as CatalogUnavailable
 from ..catalog import Catalog, Resource
@@ -319,22 +319,30 @@ class BatchTrials:
             now: Counts in any case.
 
         Returns:
-            Whether more have finished.
+            Whether more have finished, or another one is recorded.
         """
         if not self._total or (not now and self._clock() < self._next_look_s):
             return False
         self._next_look_s = self._clock() + _LOOK_EVERY_S
-        before, self.counts = self.counts, TrialCounts(self._finished(), self._total)
+        before, self.counts = self.counts, self._counted()
         return self.counts != before
 
-    def _finished(self) -> int:
+    def _counted(self) -> TrialCounts:
         page = self._catalog.list(
             KIND, filters={"parent": [self._batch]}, limit=len(self._planned), members=JobTrials.members()
         )
-        return sum(map(self._finished_of, page.resources))
+        told = [(job, JobTrials.of_members(job)) for job in page.resources]
+        recordings = {job.id: _recordings(job, each) for job, each in told if each.trials_recorded is not None}
+        return trial_counts(sum(self._finished_of(*each) for each in told), self._total, recordings)
 
-    def _finished_of(self, job: Resource) -> int:
-        told = JobTrials.of_members(job)
+    def _finished_of(self, job: Resource, told: JobTrials) -> int:
         planned = 0 if told.request_index is None else self._planned[told.request_index]
         # A job is asked now and then, so the last number of one that has ended well is mostly too small.
         return planned if job.status == "Completed" else min(planned, told.trials_finished or 0)
+
+
+def _recordings(job: Resource, told: JobTrials) -> TrialRecordings:
+    """Returns how far a job is with recording trials; one that has ended records none any more."""
+    found = told.trials_recorded
+    assert found is not None
+    return found.model_copy(update={"finished": found.total}) if is_terminal(KIND, job.status) else found

@@ -21,6 +21,7 @@ from ...schemas.documents.simulation_jobs import (
 )
 from ...schemas.runs.plan import RunOutcome, RunPlan
 from ...schemas.runs.programs import RunStop, Scarce, StopReason, noticed
+from ...schemas.runs.trials import TrialCounts, TrialRecordings, trial_counts
 from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import (
     LaunchError,
@@ -67,8 +68,8 @@ from .simulation_places import Place
 Stop = Callable[[], StopReason | None]
 """Function that is called while a job runs, and returns why it should stop, or `None`."""
 
-OnTrials = Callable[[int, int], None]
-"""Function that is called now and then with the numbers of finished and of all trials of a job."""
+OnTrials = Callable[[TrialCounts], None]
+"""Function that is called now and then with the numbers of a job's trials."""
 
 _BEFORE_IT_RAN = "the job was stopped before it ran"
 _WORKER_DIED = "the job was stopped after its job worker had died"
@@ -98,7 +99,7 @@ def perform_job(
         service: The service, with its catalog and object store.
         stop: Returns why the job should stop, or `None`; called several times a second.
         run_step: Runs its steps `prepare`, `simulate` and `upload`, directly or as Prefect tasks.
-        on_trials: Called with the numbers of finished and of all trials; absent: trials are not reported.
+        on_trials: Called with the numbers of its trials; absent: trials are not reported.
         waited_s: Time that it has waited for this machine, in seconds, by scarce resource.
         place: Slot of the job among the simulating jobs; absent: it needs none.
         waits: Whether the end of a job that another process has taken over is waited for.
@@ -148,7 +149,7 @@ class JobRun:
         service: The service, with its catalog and object store.
         stop: Returns why the job should stop, or `None`.
         run_step: Runs its steps, directly or as Prefect tasks.
-        on_trials: Called with the numbers of finished and of all trials; absent: trials are not reported.
+        on_trials: Called with the numbers of its trials; absent: trials are not reported.
         waited_s: Time that it has waited for this machine, in seconds, by scarce resource.
         place: Slot of the job among the simulating jobs; absent: it needs none.
     """
@@ -381,7 +382,7 @@ class JobRun:
                 plan,
                 self._interruption,
                 on_crash=self._note_crash,
-                on_trials=lambda finished: self._note_trials(finished, plan),
+                on_trials=lambda finished, recordings: self._note_trials(finished, recordings, plan),
                 on_answering=self._note_answers,
                 on_stopped=lambda: settle_containers(self._folder(plan.run_id), plan.output_dir),
                 on_simulated=self._note_simulated,
@@ -415,17 +416,18 @@ class JobRun:
         except ServiceUnavailableException as error:
             _logger.warning("that %s crashed cannot be noted: %s", self._lease.job.arn, error)
 
-    def _note_trials(self, finished: int, plan: RunPlan) -> None:
-        """Stores and reports the number of the job's finished trials; does nothing for a job without trials.
+    def _note_trials(self, finished: int, recordings: TrialRecordings | None, plan: RunPlan) -> None:
+        """Stores and reports the numbers of the job's finished and recorded trials; nothing for a job without trials.
 
         A catalog that refuses the change or is away is ignored, as a later number may be stored.
         """
         if plan.trials is None:
             return
         if self._on_trials is not None:
-            self._on_trials(finished, plan.trials.count)
+            job = self._lease.job.id
+            self._on_trials(trial_counts(finished, plan.trials.count, {job: recordings} if recordings else {}))
         try:
-            self._lease.update(SimulationJobProgress(trials_finished=finished))
+            self._lease.update(SimulationJobProgress(trials_finished=finished, trials_recorded=recordings))
         except (StateConflictError, ServiceUnavailableException) as error:  # the next one may be noted
             _logger.debug("that %s trials of %s have finished cannot be noted: %s", finished, plan.job_id, error)
 

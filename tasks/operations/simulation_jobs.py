@@ -17,6 +17,7 @@ from ...schemas.operations.simulation_jobs import (
 )
 from ...schemas.runs.plan import ApplicationRole
 from ...schemas.runs.programs import Scarce
+from ...schemas.runs.trials import TrialCounts
 from ...schemas.wire.errors import InvalidParameterException, StateConflictError
 from ..catalog import ClientToken, Resource
 from ..execution.credential_blocks import read_credential_block
@@ -44,8 +45,10 @@ def perform_simulation_job(arn: str, service: Service) -> None:
         status, is_canceled = service.catalog.standing(arn)
         return is_canceled or is_terminal(KIND, status)
 
-    def tell_trials(finished: int, planned: int) -> None:
-        service.report_progress(Progress({"completed": finished, "running": planned - finished}, planned))
+    def tell_trials(told: TrialCounts) -> None:
+        counts = {"completed": told.finished, "running": told.total - told.finished}
+        # The counts are those of the trials already, unless some are recorded again.
+        service.report_progress(Progress(counts, told.total, trials=told if told.to_record else None))
 
     def tell_wait(scarce: Scarce | None) -> None:
         service.report_progress(Progress({"pending": 1}, 1, scarce))

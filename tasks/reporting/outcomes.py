@@ -6,10 +6,13 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
 from enum import Enum
+from typing import Any
 
+from ...schemas.operations.registry import VIDEO_TAG
 from ...schemas.reports.report import Report, ReportedJob
 from ...schemas.reports.run_states import case_outcome
 from ...schemas.runs.plan import Verdict
+from ...schemas.runs.trials import planned_trials
 
 
 class Outcome(Enum):
@@ -83,6 +86,23 @@ def headline(report: Report) -> str:
     if known := sum(bool(job.known) for job in report.jobs):
         others.append(f"{known} of the failures {'is' if known == 1 else 'are'} known")
     return f"{sentence}; {', '.join(others)}" if others else sentence
+
+
+def times_with_videos(requests: Iterable[Mapping[str, Any]]) -> tuple[str, str]:
+    """Names the times of simulations and of videos, by when the jobs' requests have videos made.
+
+    With `video: always` a video is made while the simulation runs, and only the last seconds of failures follow; so are
+    those of trials, which are run again.
+
+    Args:
+        requests: Requests of the jobs.
+    """
+    policies = [(asked.get("video") or (asked.get("tags") or {}).get(VIDEO_TAG), asked) for asked in requests]
+    is_meanwhile = any(
+        policy == "always" or (policy == "on-failure" and planned_trials(asked)) for policy, asked in policies
+    )
+    follows = "last seconds of failures" if any(policy == "always" for policy, _ in policies) else "videos of failures"
+    return ("simulation with its videos" if is_meanwhile else "simulation"), follows
 
 
 _SHOWN_S = 0.1

@@ -238,6 +238,7 @@ def page_environment(*folders: Path) -> jinja2.Environment:
         number=outcomes.number,
         plain=outcomes.plain,
         compact=outcomes.compact,
+        name_and_unit=outcomes.name_and_unit,
         coded=_coded,
         axes=axes_in_words,
         moment=outcomes.moment,

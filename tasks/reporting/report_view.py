@@ -1,5 +1,6 @@
 """View model of the report page, computed from the report; the template only places its values."""
 
+import re
 import shlex
 from collections import Counter
 from collections.abc import Mapping
@@ -10,24 +11,27 @@ from markupsafe import Markup
 from ...schemas.reports.report import AxisResult, Report, ReportedFile, ReportedJob, ReportSummary, Share
 from ...schemas.runs.plan import Requirement, RunResult
 from ...schemas.runs.programs import WAITS_FOR
+from ...schemas.runs.trial_rows import TRIALS_FOLDER, TrialsSummary
 from ..results.table import ResultTable
 from . import outcomes
+from .answer import answer_of
 from .causes import WhyView, view_why
 from .drawings import plan
-from .outcomes import Outcome, count_outcomes, headline, outcome_of
+from .outcomes import Outcome, headline, outcome_of
 from .pictures import Picture, PictureError, budget_for_each, embed_picture
 from .summaries import folder_of, summarize, why_broken
 from .worlds import TrialsView, WorldView, view_trials, view_worlds
 
 _COLUMNS = (
     ("distance_m", "Distance", 1, "m"),
-    ("sim_time_s", "Simulated", 1, "s"),
+    ("sim_time_s", "Simulated time", 1, "s"),
     ("real_time_factor", "Real-time factor", 1, "×"),
     ("collisions", "Collisions", 0, ""),
     ("max_force_N", "Largest force", 0, "N"),
     ("wall_time_s", "Wall time", 1, "s"),
 )
 """Columns of the table of jobs: member of `Numbers`, title, digits and unit."""
+_OF_TRIAL = re.compile(rf"{TRIALS_FOLDER}/(\d+)/")
 _KNOWN_METRICS = frozenset({"distance_m", "collisions", "max_force_N", "sim_time_s", "wall_time_s", "real_time_factor"})
 
 
@@ -68,6 +72,13 @@ class FileView:
     link: str
     size: str
     hint: str
+    of_trial: int | None = None
+    """Number of the recorded trial that the file belongs to; `None`: to the job."""
+
+    @property
+    def short(self) -> str:
+        """Name of the file within its trial's folder."""
+        return self.name if self.of_trial is None else self.name.split("/", 2)[-1]
 
 
 @dataclass(frozen=True)
@@ -98,9 +109,24 @@ class JobView:
     """Trials of the job, if it has any."""
 
     @property
+    def key(self) -> str:
+        """CSS class and icon of the job's state: a known failure has the colour of what is not judged."""
+        return Outcome.UNJUDGED.key if self.job.known else self.outcome.key
+
+    @property
+    def state(self) -> str:
+        """The job's state in a word or two: `passed`, `known failure`."""
+        return "known failure" if self.job.known else self.outcome.value
+
+    @property
     def result(self) -> RunResult | None:
         """The job's result, if it has one."""
         return self.job.result
+
+    @property
+    def drawn(self) -> RunResult | None:
+        """The result whose path is on the job's plan."""
+        return _drawn(self.job)
 
     @property
     def requirements(self) -> list[tuple[Requirement, bool]]:
@@ -116,7 +142,8 @@ class Page:
 
     report: Report
     headline: str
-    counts: dict[Outcome, int]
+    answer: str
+    """Result of the run in one sentence without full stop: how many passed, and what is new since the last run."""
     numbers: ReportSummary
     duration: str
     longest_step_s: float
@@ -151,6 +178,50 @@ class Page:
         """Returns the command that shows two values of an axis side by side."""
         cell = f"{axis.step}.{axis.axis}={axis.comparisons[0].value}"
         return shlex.join(["robomaker", "compare", self.report.run_id, "--axis", cell, "--report", "compared.html"])
+
+    @property
+    def is_compared(self) -> bool:
+        """Whether the page has a section on what changed: there is an earlier run, of which the answer says the sum."""
+        return self.report.since_last is not None and self.report.since_last.previous_run_id is not None
+
+    @property
+    def sections(self) -> list[tuple[str, str]]:
+        """Anchors and titles of the sections that the page has, in the order of the page."""
+        found: list[tuple[str, str, object]] = [
+            ("challenge", "Sabotages", self.report.challenge),
+            ("failures", "What failed", self.failures),
+            ("errors", "What broke", self.errors),
+            ("known", "Known failures", self.known),
+            ("table", "All jobs", self.jobs),
+            ("breakdown", "Where", self.has_breakdown),
+            ("why", "Why", self.why),
+            ("axes", "Axes", self.report.axes),
+            ("effects", "What depends on which axis", self.report.effects),
+            ("since", "What changed", self.is_compared),
+            ("time", "Time", True),
+            ("jobs", self.title_of_others, self.others),
+            ("worlds", "Worlds", self.worlds),
+            ("environment", "Versions", self.report.versions),
+        ]
+        return [(anchor, title) for anchor, title, is_there in found if is_there]
+
+    @property
+    def title_of_others(self) -> str:
+        """Title of the section of jobs that are in no section of failures."""
+        return "Other jobs" if self.failures or self.errors or self.known else "Jobs"
+
+    @property
+    def counting(self) -> str:
+        """Explains which trials the page counts as judged; empty if each job is one trial."""
+        if self.numbers.trials == len(self.jobs):
+            return ""
+        return "Judged are the trials that passed or failed."
+
+    @property
+    def counts(self) -> dict[tuple[str, str], int]:
+        """Numbers of jobs by state, with its CSS class, the worst first."""
+        counts = Counter((job.key, job.state) for job in sorted(self.jobs, key=lambda job: job.outcome.rank))
+        return dict(counts)
 
     @property
     def failures(self) -> list[JobView]:
@@ -192,7 +263,7 @@ class Page:
 
     @property
     def times(self) -> str:
-        """Time of the run by activity: `worlds 12 s, simulation 80 s, videos of failures 40 s, uploads 5 s`.
+        """Wall time of the run by activity: `worlds 12 s, simulation 80 s, videos of failures 40 s, uploads 5 s`.
 
         Jobs whose results were taken over from earlier runs do not count; empty if there are no others.
         """
@@ -200,11 +271,12 @@ class Page:
         if not jobs:
             return ""
         worlds = (step.duration_s for step in self.report.steps if step.operation == "CreateWorldGenerationJob")
+        simulation, videos = outcomes.times_with_videos(job.request for job in jobs)
         parts = {
             "worlds": sum(worlds),
             "waiting": sum(sum(job.waited_s.values()) for job in jobs),
-            "simulation": sum(job.duration_s or 0.0 for job in jobs),
-            "videos of failures": sum(job.video_s or 0.0 for job in jobs),
+            simulation: sum(job.duration_s or 0.0 for job in jobs),
+            videos: sum(job.video_s or 0.0 for job in jobs),
             "uploads": sum(job.upload_s or 0.0 for job in jobs),
         }
         return outcomes.times_by_part(parts)
@@ -244,11 +316,12 @@ def view_report(report: Report, results: ResultTable | None = None) -> Page:
     budget = budget_for_each(pictures)
     worlds = view_worlds(report, budget)
     by_arn = {view.world.arn: view for view in worlds}
+    numbers = summarize(report, results)
     return Page(
         report=report,
         headline=headline(report),
-        counts=count_outcomes(report.jobs),
-        numbers=summarize(report, results),
+        answer=answer_of(report, numbers),
+        numbers=numbers,
         duration=outcomes.duration((report.ended_at - report.started_at).total_seconds()),
         longest_step_s=max((step.duration_s for step in report.steps), default=0.0),
         jobs=[_view_job(job, index, by_arn, budget) for index, job in enumerate(report.jobs, start=1)],
@@ -283,7 +356,7 @@ def _view_job(job: ReportedJob, index: int, worlds: Mapping[str, WorldView], bud
         poster_note=poster_note,
         files=[_view_file(file) for file in job.files],
         folder=folder_of(job),
-        seconds=_path_seconds(job.result),
+        seconds=_path_seconds(_drawn(job)),
         trials=view_trials(job),
     )
 
@@ -300,18 +373,26 @@ def _job_plan(job: ReportedJob, world: WorldView | None) -> tuple[Markup | None,
 
     A job without a generated world has only its path, with that text.
     """
-    if job.result is None:
+    drawn, name = _drawn(job), job.title if job.drawn_trial is None else f"trial {job.drawn_trial} of {job.title}"
+    if drawn is None:
         return None, "The job left no result.json, so there is nothing to draw."
+    if not drawn.path and TrialsSummary.of(drawn) is not None:
+        return None, ""  # no trial was recorded, and the world's card has the plan without a path
     if world is not None and world.content is not None and world.frame is not None:
-        title = f"Plan of {world.world.title} with the path of {job.title}"
-        return plan.draw_job_plan(world.content, world.frame, world.fixtures, job.result, title), ""
+        title = f"Plan of {world.world.title} with the path of {name}"
+        return plan.draw_job_plan(world.content, world.frame, world.fixtures, drawn, title), ""
     if world is not None:
         missing = f"No plan of {world.world.title}: {world.note}"
     elif job.world_arn:
         missing = f"The world {job.world_arn} is not part of this report."
     else:
         missing = "This job drove in no generated world."
-    return plan.draw_bare_path(job.result, f"Path of {job.title}"), missing
+    return plan.draw_bare_path(drawn, f"Path of {name}"), missing
+
+
+def _drawn(job: ReportedJob) -> RunResult | None:
+    """Returns the result whose path is drawn: of a job with trials that of a recorded trial."""
+    return job.result if job.drawn_result is None else job.drawn_result
 
 
 def _poster(job: ReportedJob, budget_bytes: int) -> tuple[Picture | None, str]:
@@ -382,7 +463,9 @@ def _view_file(file: ReportedFile) -> FileView:
     # Anything else, `javascript:` above all, stays text.
     link = file.uri if file.uri.startswith(("file:///", "http://", "https://")) else ""
     hint = "open in Foxglove" if file.name.endswith(".mcap") else ""
-    return FileView(file.name, file.uri, link, outcomes.size(file.size_bytes), hint)
+    in_trial = _OF_TRIAL.match(file.name)
+    of_trial = int(in_trial[1]) if in_trial else None
+    return FileView(file.name, file.uri, link, outcomes.size(file.size_bytes), hint, of_trial)
 
 
 def _path_seconds(result: RunResult | None) -> tuple[str, str] | None:

@@ -1,5 +1,6 @@
 """View models of each world and of a job's trials on the report page."""
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -139,7 +140,7 @@ class TrialsView:
     stopped_in: int | None
     share: Share
     axes: list[Share]
-    """Pass rates by axis and part of the axis, in the order of the axes; empty without axes."""
+    """Pass rates by axis and part of the axis, in the order of the axes; without axes of a single value."""
 
     cells: list[Share]
     """Pass rates by cell of a grid of several axes, the worst first; empty if there is only one cell."""
@@ -173,11 +174,13 @@ def view_trials(job: ReportedJob) -> TrialsView | None:
     has_grid = len(shares) > 1 and len({each.axis for each in summary.axes}) > 1
     worst = sorted(shares, key=lambda share: (not share.errors, 1.0 if share.rate is None else share.rate))
     failing = summary.failing[:MOST_SHOWN]
+    parts = Counter(each.axis for each in summary.axes)
     return TrialsView(
         planned=summary.planned,
         stopped_in=summary.stopped_in,
         share=_share("all trials", summary.counts),
-        axes=[_share(f"{each.axis} {each.part}", each) for each in summary.axes],
+        # What all trials of the job have tells them apart from none.
+        axes=[_share(f"{each.axis} {each.part}", each) for each in summary.axes if parts[each.axis] > 1],
         cells=worst[:MOST_SHOWN] if has_grid else [],
         failing=failing,
         more=summary.counts.failed + summary.counts.errors - len(failing),

@@ -150,10 +150,11 @@ def _needed(needed: NeededPairs) -> str:
     basis = {
         "asked for": "the difference asked for",
         "as found": "the difference as found",
-        "10 points": "a difference, of which there was none,",
+        "10 points": "a difference",
     }[needed.basis]
     chance = f"chance of {needed.power:.0%}"
-    of = f"{basis} of {needed.difference * 100:.3g} points"
+    none = " (none was found)" if needed.basis == "10 points" else ""
+    of = f"{basis} of {needed.difference * 100:.3g} points{none}"
     if not needed.more:
         return f"no more pairs: {needed.pairs} show {of} with a {chance}, and there are as many"
     worlds = f" in {counted(needed.worlds, 'world')}" if needed.worlds else ""

@@ -57,6 +57,8 @@ class LiveWatcher(Watcher):
             now = time.monotonic()
             for state in self._states.steps.values():
                 table.add_row(*self._row(state, now))
+                if state.is_running and state.after_trials_text():  # a line of its own: windows may be narrow
+                    table.add_row("", "", "", Text(state.after_trials_text(), style="dim"))
                 if state.is_running and state.wait_text():
                     table.add_row("", "", "", Text(state.wait_text(), style="yellow"))
                 if state.is_running and state.newest_failure:

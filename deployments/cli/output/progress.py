@@ -115,5 +115,10 @@ def _progress_line(state: StepState) -> str:
     counts = state.counts_text()
     if not counts:
         return f"{state.name}: running"
-    told = (f"{state.name}: {counts} of {state.total}", state.trials_text(), state.wait_text())
+    told = (
+        f"{state.name}: {counts} of {state.total}",
+        state.trials_text(),
+        state.after_trials_text(),
+        state.wait_text(),
+    )
     return ", ".join(filter(None, told))

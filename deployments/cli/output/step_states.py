@@ -53,20 +53,26 @@ class StepState:
         return ", ".join(f"{count} {state}" for state, count in self.counts.items() if count)
 
     def trials_text(self) -> str:
-        """Returns a step's trial counts: `3,100 of 10,000 trials`; empty if there are none.
+        """Returns a step's trial counts: `3,100 of 10,000 trials`; empty if there are none."""
+        return "" if self.trials is None else f"{self.trials.finished:,} of {self.trials.total:,} trials"
 
-        Jobs record failed trials and upload outputs after their last trial, which may take minutes, so that is said.
+    def after_trials_text(self) -> str:
+        """Says what jobs do after their last trial, which may take minutes; empty before, and at the end.
+
+        An example: `2 of 10 trials recorded, records a video of trial 3 of job sim-1`.
         """
-        if self.trials is None:
+        told = self.trials
+        if told is None or self.done >= self.total:
             return ""
-        is_played = self.is_running and self.trials.finished == self.trials.total
-        still = "; failed ones are recorded, outputs uploaded" if is_played else ""
-        return f"{self.trials.finished:,} of {counted(self.trials.total, 'trial', ',')}{still}"
+        done, total = told.work
+        parts = [f"{told.recorded} of {told.to_record} trials recorded" if told.to_record else "", told.recording]
+        parts += ["outputs are stored" if self.is_running and done == total else ""]
+        return ", ".join(filter(None, parts))
 
     @property
     def work(self) -> tuple[int, int]:
-        """Returns finished and total work of a step: trials if there are any, else parts."""
-        return (self.trials.finished, self.trials.total) if self.trials else (self.done, self.total)
+        """Returns finished and total work of a step: trials and their recordings if there are any, else parts."""
+        return self.trials.work if self.trials else (self.done, self.total)
 
     def wait_text(self) -> str:
         """Returns the resource that the next part waits for: `waits for memory`; empty if it does not wait."""
@@ -76,7 +82,8 @@ class StepState:
         """Returns a step's rate and expected time left: `0.5/s, 12 s to go`; empty if they are not known."""
         elapsed = now_s - self.started_s if self.started_s is not None else 0.0
         done, total = self.work
-        if not done or done >= total or elapsed <= 0:
+        # A trial that is recorded takes many times as long as one that is not.
+        if not done or done >= total or elapsed <= 0 or (self.trials is not None and self.trials.to_record):
             return ""
         rate = done / elapsed
         shown = f"{rate:.1f}/s" if rate >= 1 else f"{rate * 60:.1f}/min"

@@ -115,7 +115,7 @@ def _step_line(step: StepRecord) -> list[Cell]:
 
 def _job_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
     shown = jobs[:_MAX_JOBS]
-    titles = ("#", "job", "verdict", "world", "setting", "rooms", "time", "id", "", "")
+    titles = ("#", "job", "verdict", "world", "setting", "rooms", "simulated", "wall time", "id", "", "")
     table = [[(title, "dim") for title in titles]]
     table += [_job_cells(number, job) for number, job in enumerate(shown, start=1)]
     # A column that says nothing about any job is left out.
@@ -154,7 +154,7 @@ def _job_cells(number: int, job: JobRecord) -> list[Cell]:
     # What a run that was cut short was judged to be means nothing.
     verdict = job.verdict if job.verdict and job.status == "Completed" else job.status
     rooms = f"{job.rooms_visited}/{job.rooms_total}" if job.rooms_total else ""
-    took = duration(job.duration_s) if job.duration_s is not None else ""
+    simulated, took = (duration(each) if each is not None else "" for each in (job.sim_time_s, job.duration_s))
     reason = _in_one_line(job.failure_reason or job.verdict_reason or "")
     known = f"known, {job.known}" if job.known else ""
     trouble = ": ".join(part for part in (known, job.failure_code or "", reason) if part)
@@ -167,6 +167,7 @@ def _job_cells(number: int, job: JobRecord) -> list[Cell]:
         ("" if job.name else job.world or "", ""),  # the name says it
         ("" if job.variant in job.name else job.variant, ""),
         (rooms, ""),
+        (simulated, ""),
         (took, ""),
         (job.label if job.title != job.label else "", "dim"),
         (origin, "dim"),

@@ -13,7 +13,8 @@ _ROW = 26
 _LABELS, _COUNTS = 132, 56
 """Width for labels at the left, and for numbers at the right."""
 _HEAD = 30
-_MARGIN_HEIGHT, _LEFT, _FOOT, _TOP = 210, 52, 40, 12
+_MARGIN_HEIGHT, _LEFT, _FOOT, _TOP = 210, 68, 40, 12
+"""Heights and widths around a plot; nine letters, as `-0.000195` has, are 60 units wide."""
 _SMALL_LETTER = 5.6
 """Mean width of a letter of the heads of columns."""
 

@@ -11,6 +11,7 @@ from ....schemas.reports.comparison import RequirementBeside
 from ....schemas.reports.report import ReportedFile
 from ....schemas.reports.run_record import JobRecord
 from ....schemas.runs.plan import Requirement, RunResult
+from ....schemas.runs.trial_rows import TRIALS_FOLDER
 from ....schemas.worlds.world import World
 from .. import outcomes
 from ..drawings import plan
@@ -265,6 +266,8 @@ def same_world(before: JobRecord, after: JobRecord) -> tuple[str | None, str]:
 
 def _missing_paths(jobs: Sequence[JobRecord], drives: Sequence[Drive]) -> str:
     """Returns which of the jobs have no path, as sentences; empty if both have one."""
+    if all(map(_has_trials, jobs)) and not any(drive.result and drive.result.path for drive in drives):
+        return "Both have trials; the page of a job shows the path of each that was recorded."
     told = []
     for letter, job, drive in zip("AB", jobs, drives, strict=True):
         if drive.result is not None and drive.result.path:
@@ -291,7 +294,11 @@ def _why_no_video(drive: Drive, outcome: Outcome) -> str:
         return f"No video: {outcomes.plain(str(problem))}."
     if drive.video_policy == "on-failure" and not outcome.is_failure:
         return "No video: it was asked for failures only (on-failure)."
-    return "No video: none was asked for." if drive.video_policy == "none" else "No video is stored."
+    if drive.video_policy == "none":
+        return "No video: none was asked for."
+    if any(file.name.startswith(f"{TRIALS_FOLDER}/") and file.name.endswith(f"/{_WHOLE}") for file in drive.files):
+        return "No video of the job: its trials have their own."
+    return "No video is stored."
 
 
 def _end_of(result: RunResult | None) -> float:

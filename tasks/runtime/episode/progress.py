@@ -9,11 +9,13 @@ from typing import Any, Protocol
 
 from ....schemas.runs.plan import ApplicationRole, RunPlan
 from ....schemas.runs.programs import ProgramPlan
+from ....schemas.runs.trials import TrialRecordings
 
 _SIZE = 64 * 1024
-_PHASE, _STOP, _JUDGES, _TRIALS, _LENGTH, _WHERE, _REPORT = 0, 1, 2, 4, 8, 16, 32
+_PHASE, _STOP, _JUDGES, _TRIALS, _LENGTH, _WHERE, _RECORDINGS, _REPORT = 0, 1, 2, 4, 8, 16, 32, 48
 _UINT = struct.Struct("<I")
 _STEPS_AND_TIME = struct.Struct("<Qd")
+_THREE_AND_FLAG = struct.Struct("<III?")
 
 AGENT_GONE = "agent"
 """Reason to stop a run: its robot program has exited with code 0."""
@@ -143,6 +145,17 @@ class Progress:
     def trials(self) -> int:
         """Number of finished trials; 0 for a run without trials."""
         return _UINT.unpack_from(self._page, _TRIALS)[0]
+
+    def record_trial(self, recordings: TrialRecordings) -> None:
+        """Writes which trial is recorded now, and how many are, to the memory shared with the supervisor."""
+        told = recordings
+        _THREE_AND_FLAG.pack_into(self._page, _RECORDINGS, told.finished, told.total, told.trial, told.filmed)
+
+    @property
+    def recordings(self) -> TrialRecordings | None:
+        """Progress of recording trials; `None` as long as none is to be recorded."""
+        finished, total, trial, filmed = _THREE_AND_FLAG.unpack_from(self._page, _RECORDINGS)
+        return TrialRecordings(finished=finished, total=total, trial=trial, filmed=filmed) if total else None
 
     def write_report(self, report: dict[str, Any]) -> None:
         """Stores the run's final report in shared memory; its length is written last, so it is complete or absent.

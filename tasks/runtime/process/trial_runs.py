@@ -12,7 +12,7 @@ import numpy as np
 from ....schemas.runs.plan import RunPlan, RunResult
 from ....schemas.runs.provenance import StateDigestSummary
 from ....schemas.runs.trial_rows import TrialRow, plan_of_trial, trial_folder
-from ....schemas.runs.trials import Trial, Trials, number_axes
+from ....schemas.runs.trials import Trial, TrialRecordings, Trials, number_axes
 from ....schemas.runs.variables import without_secrets
 from ....schemas.wire.errors import LaunchError
 from ..axes.variation import Variation
@@ -281,7 +281,7 @@ def run_trials(run: RunRequest, progress: Progress, stop: Stop) -> None:
             stage.close()
     progress.mark(Phase.FINISHING)
     if tally.is_whole:
-        _record_some(run, plan.trials, tally, stop)
+        _record_some(run, plan.trials, tally, progress, stop)
     result = complete_trials(plan, stop.reason, tally)
     note_run(plan, () if result.ended_by == "canceled" else applications_of(plan), result.ended_by)
     progress.write_report({"ended_by": result.ended_by})
@@ -305,7 +305,7 @@ def _in_its_environment(run: RunRequest, trial: Trial, play: Callable[[], _Row])
 # Recordings
 
 
-def _record_some(run: RunRequest, trials: Trials, tally: Tally, stop: Stop) -> None:
+def _record_some(run: RunRequest, trials: Trials, tally: Tally, progress: Progress, stop: Stop) -> None:
     """Runs some trials again with a recording: the requested ones, and the first ones that did not pass.
 
     Replaces the folders of these trials. Once the job has to stop, the others are left out, and a note in the outputs
@@ -325,6 +325,8 @@ def _record_some(run: RunRequest, trials: Trials, tally: Tally, stop: Stop) -> N
             return
         trial = trials.trial(number, plan.seed)
         is_filmed = plan.video == "always" or (plan.video == "on-failure" and number in failed)
+        told = TrialRecordings(finished=place, total=len(wanted), trial=number, filmed=is_filmed)
+        progress.record_trial(told)
         changes = {"video": "always" if is_filmed else "none", "live_view_port": None, "checkpoint_dir": None}
         folder = plan.output_dir / trial_folder(number)
         again = plan_of_trial(plan, trial).model_copy(update={**changes, "output_dir": folder})
@@ -335,6 +337,7 @@ def _record_some(run: RunRequest, trials: Trials, tally: Tally, stop: Stop) -> N
             add_note(
                 plan.output_dir, f"robomaker: trial {number} was recorded until the job was stopped ({stop.reason})"
             )
+        progress.record_trial(told.model_copy(update={"finished": place + 1}))
 
 
 def _record(run: RunRequest, plan: RunPlan, stop: Stop) -> None:

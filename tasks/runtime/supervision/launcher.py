@@ -35,7 +35,7 @@ from .recorded_verdicts import judge_topics
 from .ros_topics import join_ros_topics
 from .run_outcomes import Exit, Outcome, attribute_disk_use, decide_outcome, never_connected, was_killed
 from .run_requests import DEFAULT_VARIABLES, Cores, inherited_environment, make_request, plan_box, program_environment
-from .stop_monitor import StopMonitor
+from .stop_monitor import OnTrials, StopMonitor
 
 _WARM_UP_TIMEOUT_S = 120.0
 _START_TIMEOUT_S = 30.0
@@ -88,7 +88,7 @@ class Launcher:
         stop: Callable[[], RunStop | None],
         *,
         on_crash: OnCrash | None = None,
-        on_trials: Callable[[int], None] = lambda *_: None,
+        on_trials: OnTrials = lambda *_: None,
         on_answering: Callable[[], None] = lambda: None,
         on_stopped: Callable[[], None] = lambda: None,
         on_simulated: Callable[[bool], None] = lambda _: None,
@@ -103,7 +103,7 @@ class Launcher:
             stop: Function called about every 0.2 s; returns a reason to stop the run, or None.
             on_crash: Called once with failure code and reason, when a program crashed in a run whose failure behaviour
                 is `Continue`. The run continues until it is stopped or reaches its duration limit, and fails then.
-            on_trials: Called from time to time with the number of finished trials.
+            on_trials: Called from time to time with the number of finished trials, and how far recording some again is.
             on_answering: Called once applications listen on all forwarded ports, or 10 s after they were started; never
                 if no port is forwarded.
             on_stopped: Called when all processes have ended, before the outputs are read.

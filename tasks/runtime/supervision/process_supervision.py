@@ -15,6 +15,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from ....schemas.runs.programs import RunStop, ToolEnds
+from ....schemas.runs.trials import TrialRecordings
 from ..episode.progress import AGENT_GONE, Phase, Progress
 from ..limits.disk_use import disk_meter
 from ..limits.limits import Excess, Meter, apply_limits
@@ -99,7 +100,7 @@ class Supervision:
         self._crash: Crash | None = None
         self._has_crashed = False
         """Whether a program crashed and the run continues nevertheless."""
-        self._told_trials = 0
+        self._told_trials: tuple[int, TrialRecordings | None] = (0, None)
         self._next_tell_s = 0.0
 
     # Beginning
@@ -247,11 +248,12 @@ class Supervision:
         return True
 
     def _tell_trials(self) -> None:
-        """Reports the number of finished trials to the launcher, if it has grown."""
-        finished = self._progress.trials
-        if finished > self._told_trials and time.monotonic() >= self._next_tell_s:
-            self._told_trials, self._next_tell_s = finished, time.monotonic() + TELL_TRIALS_EVERY_S
-            self._tell({"event": "trials", "finished": finished})
+        """Reports to the launcher how many trials have finished and which one is recorded again, if that changed."""
+        told = (self._progress.trials, self._progress.recordings)
+        if told != self._told_trials and time.monotonic() >= self._next_tell_s:
+            self._told_trials, self._next_tell_s = told, time.monotonic() + TELL_TRIALS_EVERY_S
+            finished, recordings = told
+            self._tell({"event": "trials", "finished": finished, "recordings": recordings and recordings.model_dump()})
 
     def _after(self, delay_s: float, action: Callable[[], None]) -> None:
         heapq.heappush(self._timers, (time.monotonic() + delay_s, next(self._order), action))

@@ -6,7 +6,11 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from ....schemas.runs.programs import RunStop
+from ....schemas.runs.trials import TrialRecordings
 from .run_outcomes import Exit
+
+OnTrials = Callable[[int, TrialRecordings | None], None]
+"""Function that gets the number of finished trials, and how far recording some again is; `None`: not begun."""
 
 DURATION_GRACE_S = 3.0
 """Seconds that a run gets to finish its outputs when its duration limit is reached."""
@@ -28,7 +32,7 @@ class StopMonitor:
         max_duration_s: Duration limit of the run.
         stop: Function called about every 0.2 s; returns a reason to stop the run, or None.
         on_crash: Called when a program crashed and the run continues.
-        on_trials: Called from time to time with the number of finished trials.
+        on_trials: Called from time to time with the number of finished trials, and how far recording some again is.
         on_answering: Called once applications listen on forwarded ports, or after a time limit.
         clock: Monotonic clock, in seconds.
     """
@@ -39,7 +43,7 @@ class StopMonitor:
         max_duration_s: float,
         stop: Callable[[], RunStop | None],
         on_crash: Callable[[Exit], None],
-        on_trials: Callable[[int], None],
+        on_trials: OnTrials,
         on_answering: Callable[[], None],
         clock: Callable[[], float],
     ) -> None:
@@ -67,7 +71,8 @@ class StopMonitor:
                 if message is None or message["event"] == "exited":
                     return Exit.from_message(message["exit"]) if message else None, self._stopped_for
                 if message["event"] == "trials":
-                    self._on_trials(message["finished"])
+                    told = message["recordings"]
+                    self._on_trials(message["finished"], TrialRecordings.model_validate(told) if told else None)
                 elif message["event"] == "answering":
                     self._on_answering()
                 else:

@@ -16,7 +16,7 @@ from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
 from prefect_robomaker.schemas.reports.challenge import Challenge, ChallengedJob, SabotageResult
 from prefect_robomaker.schemas.reports.live_comparison import AgainstAnswer
 from prefect_robomaker.schemas.reports.names import name_label
-from prefect_robomaker.schemas.reports.run_record import RerunOf
+from prefect_robomaker.schemas.reports.run_record import RerunOf, StepRecord
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.causes.explanation import explain
@@ -120,6 +120,11 @@ def test_a_batch_shows_which_jobs_only_draw_or_store_and_where_the_time_went(
     assert looks == ["running", "running", "drawing", "storing"]  # the batch, then its jobs
     assert "1 of 4 jobs ended" in page
     assert f"Where the time went: {words}" in browser.get(f"/console/jobs/{shown}").text
+    filmed = store_job(verdict="FAIL", request={"tags": {"robomaker:video": "always"}}, **done)
+    assert (
+        "simulation with its videos 8.0 s, last seconds of failures 4.0 s"
+        in browser.get(f"/console/jobs/{filmed}").text
+    )
 
 
 def test_a_run_is_compared_with_nights_of_its_specification_only(browser: Any, service: Service) -> None:
@@ -458,7 +463,44 @@ def test_a_batch_that_changes_is_read_again(browser: Any, store_batch: StoreBatc
     service.catalog.transition(batch, "drain")
     service.catalog.transition(batch, "complete", document_changes={"verdicts": {"PASS": 2, "FAIL": 1}})
 
-    assert "some failed" in browser.get("/console/batches").text
+    assert '<span class="badge failed">' in browser.get("/console/batches").text
+
+
+@pytest.mark.parametrize(
+    ("letters", "known", "badge"),
+    [
+        ("PP", "", '<span class="badge passed">'),
+        ("PF", "", '<span class="badge failed">'),
+        ("PE", "", '<span class="badge broken">'),
+        # A run whose failures are all known is green, and so is its batch; one that is new keeps both red.
+        ("PF", "F", '<span class="badge passed">'),
+        ("FF", "F", '<span class="badge failed">'),
+        ("EF", "F", '<span class="badge broken">'),
+    ],
+)
+def test_a_batch_has_the_state_of_its_run(
+    browser: Any, store_batch: StoreBatch, service: Service, letters: str, known: str, badge: str
+) -> None:
+    jobs = [make_job(place, each) for place, each in enumerate(letters)]
+    verdicts = {verdict: count for verdict in ("PASS", "FAIL") if (count := [j.verdict for j in jobs].count(verdict))}
+    night = make_night(jobs, runs=service.settings.home / "runs")
+    batch = store_batch(len(jobs), status="Completed", verdicts=verdicts, spec_run=night.run_id)
+    if known:
+        jobs[letters.index("F")] = jobs[letters.index("F")].model_copy(update={"known": "ann, until Friday: slow"})
+    step = StepRecord(name="drive", operation="StartSimulationJobBatch", status="Completed", arn=batch)
+    store_night(night.model_copy(update={"jobs": jobs, "steps": [step]}))
+
+    for page in ("/console/batches", address(BATCH, id_of(batch))):
+        assert badge in browser.get(page).text
+
+
+def test_a_batch_whose_jobs_its_run_does_not_know_stays_red(
+    browser: Any, store_batch: StoreBatch, service: Service
+) -> None:
+    night = make_night("P", runs=service.settings.home / "runs")
+    store_night(night)
+    store_batch(1, status="Completed", verdicts={"FAIL": 1}, spec_run=night.run_id)
+    assert '<span class="badge failed">' in browser.get("/console/batches").text
 
 
 def test_an_error_of_the_catalog_tells_no_path(

@@ -21,6 +21,7 @@ from prefect_robomaker.schemas.runs.trial_rows import TrialsSummary
 from prefect_robomaker.schemas.runs.trials import TrialCounts
 from prefect_robomaker.schemas.wire.errors import ConfigurationError, InvalidParameterException
 from prefect_robomaker.tasks.inspection.replays import reproduce_run, verify_run
+from prefect_robomaker.tasks.inspection.reports import report_of_job
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.operations.simulation_jobs import perform_simulation_job
@@ -56,6 +57,10 @@ def test_some_trials_fail_and_the_job_says_which(service: Service, swing: Simula
     summary = TrialsSummary.of(result)
     assert summary is not None
     assert [each.trial for each in summary.failing] == failing
+    shown = report_of_job(job["arn"], service).jobs[0]
+    assert shown.drawn_trial == failing[0], "the report draws the path of the first that did not pass"
+    assert shown.drawn_result is not None
+    assert shown.drawn_result.verdict == "FAIL"
     assert (summary.planned, summary.counts.total, summary.counts.failed) == (8, 8, len(failing))
     # The job is judged by its trials.
     assert result.verdict == "FAIL"
@@ -284,6 +289,22 @@ def test_progress_counts_trials(service: Service, swing: Simulate) -> None:
     assert {total for _, total in counts[:-1]} == {40}
     assert counts[-1] == (1, 1)
     assert service.catalog.get(job["arn"]).document["trialsFinished"] == counts[-2][0]
+
+
+@pytest.mark.deep
+def test_progress_names_the_trial_that_is_recorded_again(service: Service, swing: Simulate) -> None:
+    told: list[Progress] = []
+    trials = {"seeds": 2, "record": [0, 1]}
+    # A trial takes about four seconds, twice as long as it may take until one is told.
+    job = swing(perform=False, job={"trials": trials}, TIME_LIMIT_S="0.5", SLEEP_S="0.08")
+    perform_simulation_job(job["arn"], service.watched_by(told.append))
+
+    recorded = [each.trials for each in told if each.trials]
+    assert {each.to_record for each in recorded} == {2}
+    assert [each.recorded for each in recorded] == sorted(each.recorded for each in recorded)
+    assert f"records trial 1 of job {job['name']}" in {each.recording for each in recorded}
+    stored = service.catalog.get(job["arn"]).document["trialsRecorded"]
+    assert stored["total"] == 2
 
 
 @pytest.mark.deep

@@ -1,5 +1,6 @@
 """Steps with more requests than one batch may have."""
 
+from dataclasses import replace
 from typing import Any
 
 from hypothesis import given
@@ -56,6 +57,8 @@ def test_the_trials_of_a_campaigns_batches_are_added_up() -> None:
 
     assert earlier.with_trials(TrialCounts(17, 5_000), 15_000) == TrialCounts(10_007, 15_000)
     assert earlier.with_trials(None, 15_000) == TrialCounts(9_990, 15_000)
+    recording = TrialCounts(17, 5_000, 1, 2, "records trial 3 of job sim-1")
+    assert earlier.with_trials(recording, 15_000) == replace(recording, finished=10_007, total=15_000)
     assert EarlierParts().with_trials(TrialCounts(17, 5_000), 0) == TrialCounts(17, 5_000)
     assert EarlierParts().with_trials(None, 0) is None
 

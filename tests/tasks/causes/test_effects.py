@@ -36,7 +36,7 @@ def test_axes_of_drawn_cells_are_told_apart_from_those_that_change_nothing() -> 
     found = effects_of(drawn(lambda axes: 0.1 + 0.5 * axes["mass"], lambda axes: 0.5 * (axes["KIND"] == "b")))
 
     assert {name: each.answer for name, each in found.items()} == {
-        "mass": "changes failures", "idle": "no claim", "KIND": "changes margin of polite",
+        "mass": "changes failures", "idle": "no effect shown", "KIND": "changes margin of polite",
     }  # fmt: skip
     [failures] = [each for each in found["mass"].effects if each.is_shown]
     assert failures.low < 0.8 * 0.5 < failures.high  # eight tenths of the axis, half a failure from end to end
@@ -51,8 +51,8 @@ def test_axes_of_drawn_cells_are_told_apart_from_those_that_change_nothing() -> 
 def test_what_is_too_rare_for_an_interval_is_no_claim_and_says_so() -> None:
     found = effects_of(drawn(lambda axes: 0.0 if axes["mass"] < 0.98 else 1.0, lambda _: 0.0))
     [mass] = [each for each in found["mass"].effects if not each.on]
-    assert "too few for an interval; 10 would do" in mass.refused
-    assert found["mass"].answer == "no claim"
+    assert "too few for an interval: it takes 10" in mass.refused
+    assert found["mass"].answer == "no effect shown"
 
 
 def test_values_that_few_trials_have_are_no_cause_though_none_of_them_fails() -> None:
@@ -65,7 +65,7 @@ def test_values_that_few_trials_have_are_no_cause_though_none_of_them_fails() ->
     ]
     [failures, margin] = effects_of(rows)["KIND"].effects
     assert re.fullmatch(
-        r"0[\d.]+ failures to be expected with its rarer values are too few for an interval; 5 would do",
+        r"0[\d.]+ failures to be expected with its rarer values are too few for an interval: it takes 5",
         failures.refused,
     )
     assert not margin.refused
@@ -80,7 +80,7 @@ def test_an_axis_with_the_same_states_at_each_value_changes_nothing() -> None:
     ]
     found = effects_of(rows)
     assert found["unread"].answer.startswith("changes nothing")
-    assert found["gain"].answer == "no claim"
+    assert found["gain"].answer == "no effect shown"
 
 
 def grid(fails: Callable[[float, str], bool], seeds: int = 16) -> list[Row]:
@@ -98,7 +98,7 @@ def test_an_error_of_rounding_is_no_effect_and_trials_that_are_all_alike_have_an
     found = effects_of(grid(lambda _, speed: speed == "fast"))
 
     assert {name: each.answer for name, each in found.items()} == {
-        "noise": "no claim", "SPEED": "changes failures, margin of polite",
+        "noise": "no effect shown", "SPEED": "changes failures, margin of polite",
     }  # fmt: skip
     assert all(each.high > each.low for axis in found.values() for each in axis.effects)
     assert [each.change for each in found["noise"].effects] == [0, 0]

@@ -275,7 +275,8 @@ def test_too_few_failures_are_refused_with_what_would_do() -> None:
     why = explain(table_of(rows))
     assert why is not None
     assert why.groups[0].refused == (
-        "4 failures are too few to claim a cause; 10 would do, which at this rate takes 150 trials instead of 60"
+        "4 failures are too few to claim a cause: it takes 10 failures of this kind, "
+        "at this rate 150 trials instead of 60"
     )
     assert why.groups[0].in_words == f"polite: 4 trials; {why.groups[0].refused}"
     slip = [{"axes": {"slip": 0.6 * (number % 2)}, "seed": number // 2} for number in range(16)]

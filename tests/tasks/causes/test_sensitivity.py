@@ -49,7 +49,7 @@ def test_too_few_trials_and_axes_that_do_not_vary_in_a_job_are_refused(made: Cal
     few, sentences = found(rows(1, 12, -0.5))
     assert few == []
     assert sentences == [
-        "sensitivity of polite to noise: 12 trials with a margin are too few for an interval; 20 would do"
+        "sensitivity of polite to noise: 12 trials with a margin are too few for an interval: it takes 20"
     ]
     constant = rows(4, 20, 0.0)
     for row in constant:

@@ -32,11 +32,14 @@ def trials(service: Service, clock: Clock) -> BatchTrials:
     return BatchTrials(BATCH, requests, service.catalog, clock)
 
 
-def add(service: Service, index: int, status: str, finished: int | None) -> None:
+def add(service: Service, index: int, status: str, finished: int | None, recorded: Any = None) -> str:
     document: dict[str, Any] = {"requestIndex": index, "request": {}, "seed": 0}
+    if recorded is not None:
+        document["trialsRecorded"] = recorded
     if finished is not None:
         document["trialsFinished"] = finished
-    service.store_job("simulation-job", "sim", document, tags=None, token=None, parent=BATCH, status=status)
+    job = service.store_job("simulation-job", "sim", document, tags=None, token=None, parent=BATCH, status=status)
+    return job.id
 
 
 def test_requests_without_a_job_have_finished_none(trials: BatchTrials) -> None:
@@ -53,6 +56,16 @@ def test_a_job_that_completed_has_finished_all_its_trials_and_others_those_that_
 
     assert trials.look()
     assert trials.counts == TrialCounts(14, 30)
+
+
+def test_trials_that_are_recorded_again_are_counted_and_the_first_is_named(
+    service: Service, trials: BatchTrials, clock: Clock
+) -> None:
+    add(service, 0, "Completed", 10, {"finished": 1, "total": 2, "trial": 4, "filmed": True})
+    job = add(service, 2, "Running", 20, {"finished": 0, "total": 3, "trial": 6, "filmed": False})
+
+    assert trials.look()
+    assert trials.counts == TrialCounts(30, 30, 2, 5, f"records trial 6 of job {job}")
 
 
 def test_the_catalog_is_asked_every_two_seconds_and_at_the_end(

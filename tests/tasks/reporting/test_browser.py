@@ -21,6 +21,7 @@ def test_a_browser_shows_the_page_and_sorts_its_table(mixed_report: Any, tmp_pat
             tab.send("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": theme}])
             tab.load(page.as_uri(), width)
             needs_no_scrolling_sideways(tab, width)
+            can_be_touched(tab)
             has_light_and_shade(tab.picture(tmp_path / f"{theme}.png"), theme, width)
         sorts_with_gaps_last(tab)
         # Refused styles and scripts, broken references and exceptions.
@@ -43,6 +44,12 @@ def needs_no_scrolling_sideways(tab: Page, width: int) -> None:
     wide = f"{tables}.filter(each => each.scrollWidth > each.clientWidth).map(each => each.outerHTML)"
     assert tab.evaluate(wide) == []
     assert tab.evaluate("document.documentElement.scrollWidth") <= width
+
+
+def can_be_touched(tab: Page) -> None:
+    is_flat = "each => (box => box.width > 0 && box.height < 23.9)(each.getBoundingClientRect())"
+    flat = f"[...document.querySelectorAll('a, button, summary')].filter({is_flat}).map(each => each.outerHTML)"
+    assert tab.evaluate(flat) == [], "WCAG 2.2 asks for targets of 24 pixels"
 
 
 def sorts_with_gaps_last(tab: Page) -> None:

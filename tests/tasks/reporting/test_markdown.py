@@ -170,7 +170,7 @@ def test_effects_of_axes_are_told(report: Report) -> None:
     text = markdown_report(summarize(report.model_copy(update={"effects": effects})))
 
     assert ["mass", "changes failures", "failures +20 points (+10 to +30) from 1 to 2"] in cells(text)
-    assert ["grip", "no claim", "failures +0 points (-10 to +10) from 1 to 2"] in cells(text)
+    assert ["grip", "no effect shown", "failures +0 points (-10 to +10) from 1 to 2"] in cells(text)
 
 
 def test_values_of_an_axis_are_compared_in_pairs(report: Report) -> None:

@@ -12,7 +12,7 @@ from prefect_robomaker.schemas.runs.plan import Requirement, RunResult
 from prefect_robomaker.schemas.runs.trial_rows import TrialRow
 from prefect_robomaker.schemas.runs.trials import Trials
 from prefect_robomaker.tasks.reporting import render_report, summarize
-from prefect_robomaker.tasks.reporting.worlds import MOST_SHOWN
+from prefect_robomaker.tasks.reporting.worlds import MOST_SHOWN, view_trials
 from prefect_robomaker.tasks.results.rates import wilson_interval
 from prefect_robomaker.tasks.runtime.trials.tally import Tally
 
@@ -43,6 +43,13 @@ def report(*results: RunResult) -> Report:
     step = ReportedStep(name="drive", operation="StartSimulationJobBatch", status="Completed", duration_s=9.0)
     return Report(name="trials", run_id="r", state="failed", started_at=START, ended_at=START + timedelta(seconds=9),
                   steps=[step], worlds=[], jobs=jobs, command="robomaker run trials.yaml")  # fmt: skip
+
+
+def test_axes_of_a_single_value_are_in_no_table() -> None:
+    made = report(result(trials_of_variables(10, {"SPEED": ["0.2", "0.4"], "LIMIT": ["9"]}), 5))
+    [view] = [view_trials(job) for job in made.jobs]
+    assert view is not None
+    assert [share.name for share in view.axes] == ["SPEED 0.2", "SPEED 0.4"]
 
 
 def test_a_card_shows_the_pass_rate_and_the_failing_trials(tmp_path: Path) -> None:

@@ -106,7 +106,29 @@ def test_trials_are_counted_beside_jobs_and_say_how_long_it_still_takes() -> Non
     assert "━" * 6 in terminal.getvalue().partition("0/40")[0]
     assert states.steps["drive"].pace(31.0) == "100.0/s, 1 min 09 s to go"
     states.take(StepProgress("drive", {"running": 2}, 2, trials=TrialCounts(64, 64)), 1.0)
-    assert states.steps["drive"].trials_text() == "64 of 64 trials; failed ones are recorded, outputs uploaded"
+    assert states.steps["drive"].after_trials_text() == "outputs are stored"
+
+
+def test_trials_that_are_recorded_again_are_named_and_counted() -> None:
+    stream, terminal, states = io.StringIO(), Terminal(), StepStates(STEPS)
+    told = TrialCounts(64, 64, 2, 10, "records a video of trial 3 of job sim-1")
+    events = [StepStarted("drive", "StartSimulationJobBatch"), StepProgress("drive", {"running": 2}, 2, trials=told)]
+    clock = Clock()
+    with PlainWatcher(STEPS, stream, clock=clock) as plain, LiveWatcher(STEPS, terminal) as live:
+        for event in events:
+            clock.now_s += 2
+            plain(event)
+            live(event)
+            states.take(event, 0.0)
+
+    words = "2 of 10 trials recorded, records a video of trial 3 of job sim-1"
+    assert stream.getvalue().endswith(f"drive: 2 running of 2, 64 of 64 trials, {words}\n")
+    assert words[:40] in terminal.getvalue()
+    state = states.steps["drive"]
+    assert state.work == (66, 74)
+    assert state.pace(31.0) == "", "a recording takes longer than a trial"
+    states.take(StepProgress("drive", {"completed": 2}, 2, trials=TrialCounts(64, 64, 10, 10)), 1.0)
+    assert state.after_trials_text() == "", "nothing is left to do"
 
 
 def test_a_flood_of_changes_is_thinned_but_the_last_is_told() -> None:

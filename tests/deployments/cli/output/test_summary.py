@@ -73,11 +73,11 @@ def test_the_final_block() -> None:
         "",
         "  ✗ export (CreateWorldExportJob): no bucket",
         "",
-        "  #  job        verdict     world      setting  rooms  time",
+        "  #  job        verdict     world      setting  rooms  wall time",
         "  1  sim-1      PASS        g/world-1  SPEED=1  4/4    31 s",
-        "  2  sim-2      Failed                 SPEED=2               "
+        "  2  sim-2      Failed                 SPEED=2                    "
         "RobotApplicationCrash: it crashed; its log ends with: no x",
-        "  3  request 3  NotCreated                                   InvalidInput: no role",
+        "  3  request 3  NotCreated                                        InvalidInput: no role",
         "",
         "  report   /runs/night-1/report.html",
         "  outputs  file:///store/robomaker/quickstart",
@@ -89,16 +89,16 @@ def test_the_final_block() -> None:
 def test_jobs_are_shown_by_name_with_the_id_beside() -> None:
     first, second, third = record().jobs
     jobs = [
-        first.model_copy(update={"name": "scout in flat 1, SPEED=1", "world_name": "flat 1"}),
+        first.model_copy(update={"name": "scout in flat 1, SPEED=1", "world_name": "flat 1", "sim_time_s": 95.0}),
         second.model_copy(update={"name": "scout in flat 1, SPEED=2", "remarks": ["no video: no driver"]}),
         third.model_copy(update={"name": "scout in flat 2"}),
     ]
     assert lines(record(jobs=jobs))[5:10] == [
-        "  #  job                       verdict     rooms  time  id",
-        "  1  scout in flat 1, SPEED=1  PASS        4/4    31 s  sim-1",
-        "  2  scout in flat 1, SPEED=2  Failed                   sim-2      "
+        "  #  job                       verdict     rooms  simulated   wall time  id",
+        "  1  scout in flat 1, SPEED=1  PASS        4/4    1 min 35 s  31 s       sim-1",
+        "  2  scout in flat 1, SPEED=2  Failed                                    sim-2      "
         "RobotApplicationCrash: it crashed; its log ends with: no x",
-        "  3  scout in flat 2           NotCreated               request 3  InvalidInput: no role",
+        "  3  scout in flat 2           NotCreated                                request 3  InvalidInput: no role",
         "  scout in flat 1, SPEED=2: no video: no driver",
     ]
 

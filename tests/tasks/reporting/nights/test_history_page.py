@@ -69,13 +69,13 @@ def test_names_and_reasons_are_escaped() -> None:
     assert "<img" not in html
 
 
-def test_a_report_opens_with_what_changed(mixed_report: Any) -> None:
+def test_a_report_says_what_changed(mixed_report: Any) -> None:
     labels = [job.label for job in mixed_report.jobs]
     before, after = make_night("PPFPP", 0), make_night("PFFPP", 1)
     jobs = [job.model_copy(update={"label": label}) for job, label in zip(after.jobs, labels, strict=True)]
     since = since_last_run([NightRun.of(before), NightRun.of(after.model_copy(update={"jobs": jobs}))])
     html = render_report(mixed_report.model_copy(update={"since_last": since}))
-    opening = html[html.index('class="since card"') : html.index('<dl class="run">')]
+    opening = html[html.index('class="since card"') : html.index('<section id="time"')]
     assert 'Newly failing <span class="count">1</span>' in opening
     assert '<a href="#job-2">drive: world-2 scout, seed 7</a>' in opening
     assert 'Still failing <span class="count">1</span>' in opening
@@ -91,7 +91,7 @@ def test_a_report_opens_with_what_changed(mixed_report: Any) -> None:
 def test_a_report_names_jobs_that_it_judges_no_more(now: str, heading: str, make_report: Any) -> None:
     since = since_last_run([NightRun.of(make_night(each, night)) for night, each in enumerate(("PPF", now))])
     html = render_report(make_report([], []).model_copy(update={"since_last": since}))
-    opening = html[html.index('class="since card"') : html.index('<dl class="run">')]
+    opening = html[html.index('class="since card"') : html.index('<section id="time"')]
     assert f"<h3>{heading} <span" in opening
     assert "<strong>drive: world-3 scout, seed 7</strong>" in opening
     assert "failed before" in opening

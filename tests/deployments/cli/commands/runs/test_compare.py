@@ -67,7 +67,7 @@ def test_the_text_says_how_much_what_changed_and_what_is_needed(robomaker: Any, 
     out = robomaker("compare", FIRST, SECOND).out
     assert "pass rate     75.0% → 75.0%, +0.0 points (95% interval −" in out
     assert "more pairs" in out
-    assert "to show a difference, of which there was none, of 10 points with a chance of 80%" in out
+    assert "to show a difference of 10 points (none was found) with a chance of 80%" in out
     assert "pairs         5 jobs of both runs, 1 without a verdict in one\n" in out
     assert "newly failing 1\n    drive: world-1 scout, seed 7: passed → failed; gentle: 9 N, at most 5 N asked\n" in out
     assert "newly passing 1\n    drive: world-4 scout, seed 7: failed → passed" in out
