@@ -14,7 +14,6 @@ from ....schemas.reports.progress import (
     TrialCounts,
 )
 from ....schemas.runs.programs import IN_WORDS, Wait
-from ....schemas.wire.common import counted
 from .answers import duration
 
 BAD_STATUSES = frozenset({"Failed", "Canceled", "TimedOut", "PartialFailed", "Skipped"})
