@@ -23,7 +23,7 @@ from ...tasks.reporting import view_report
 from ...tasks.reporting.drawings.plan import draw_bare_path, draw_job_plan
 from ...tasks.reporting.drawings.svg_writing import Frame
 from ...tasks.reporting.drawings.trajectory import finite_path
-from ...tasks.reporting.outcomes import times_by_part
+from ...tasks.reporting.outcomes import plain, times_by_part
 from ...tasks.reporting.report_view import Page
 from ...tasks.runtime.limits.left_files import open_left
 from ...tasks.simulations.outputs.upload_files import visit_matches
@@ -85,7 +85,8 @@ def show(visit: Visit) -> Response:
             card, job=told, title=told.title, files=shown, poster=None if "video.mp4" in files else card.poster, log=""
         )
     drive = card if card is not None and timeline is not None and timeline.trial is None and timeline.end_s else None
-    if card is not None and drive is not None and drive.plan:  # it stands beside the video, under the time line
+    trial_plan = _trial_plan(view, timeline)
+    if card is not None and (trial_plan or (drive is not None and drive.plan)):  # it stands beside the video
         card = replace(card, plan=None, plan_note="")
     return visit.page(
         "job.html.j2",
@@ -104,11 +105,12 @@ def show(visit: Visit) -> Response:
         links=links,
         timeline=timeline,
         timeline_later=RUNS_ON,
-        trial_plan=_trial_plan(view, timeline),
+        trial_plan=trial_plan,
         frame=_frame(view, timeline),
         videos=[f"{timeline.folder}{name}" for name in VIDEOS if f"{timeline.folder}{name}" in files]
         if timeline
         else [],
+        no_video=_no_video(document, timeline),
         files=files,
         logs=_logs(document.outputs, files, timeline, visit) if timeline else [],
         batch_id=(job.parent or "").rpartition("/")[2] if is_batch_seen else "",
@@ -193,6 +195,24 @@ def _trial_plan(view: Page | None, timeline: JobTimeline | None) -> Markup | Non
     if world is None or world.content is None or world.frame is None:
         return draw_bare_path(timeline.result, title)
     return draw_job_plan(world.content, world.frame, world.fixtures, timeline.result, title)
+
+
+def _no_video(document: SimulationJobDocument, timeline: JobTimeline | None) -> str:
+    """Returns why a job, or the trial that the time line shows, has no video, and how its next run gets one."""
+    result = timeline and timeline.result
+    if result is not None and (problem := result.extra.get("video_error")):
+        return f"No video could be made: {plain(str(problem))}."
+    how = "`video: always` in the request makes one of every run."
+    if document.video == "none":
+        return f"There is no video: the request asks for none. {how}"
+    if document.video == "on-failure" and result is not None and result.verdict == "PASS":
+        return f"There is no video: the request asks for one of failures only (`video: on-failure`). {how}"
+    if timeline is not None and timeline.trial is not None:
+        return (
+            f"There is no video of trial {timeline.trial}: only the first trials that do not pass have one, as many as "
+            f"`record_failed` says. `video: always` in the request makes one of every recorded trial."
+        )
+    return "There is no video: none is stored."
 
 
 def _frame(view: Page | None, timeline: JobTimeline | None) -> Frame | None:
