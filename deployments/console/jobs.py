@@ -30,11 +30,11 @@ from ...tasks.simulations.outputs.upload_files import visit_matches
 from ..endpoint.origins import is_loopback
 from .files import published, send_file, tail_of
 from .job_states import JOB, job_line, named_in_run
-from .live_runs import DRIVE, drive_in, live_view_of, open_plan, world_of
 from .rendering import HOME, render
-from .runs import is_known, job_in_run
+from .run_records import JobsInRuns, batch_name, is_known, record_of, run_name
 from .streams import Parts
 from .timelines.job_timelines import RUNS_ON, VIDEOS, JobTimeline, timeline_of
+from .timelines.live_runs import DRIVE, drive_in, live_view_of, open_plan, world_of
 from .timelines.log_lines import LogLine, lines_of
 from .visit import Visit
 
@@ -57,7 +57,9 @@ def show_all(visit: Visit) -> Response:
     """Web page with the list of simulation jobs."""
     filters = {name: [value] for name in ("status", "tag") if (value := visit.parameter(name))}
     page = visit.listed(JOB, filters, _PAGE_LENGTH, JobInBrief.members())
-    lines = [job_line(job) for job in visit.seen(page.resources)]
+    in_runs = JobsInRuns(lambda run_id: record_of(run_id, visit))
+    jobs = ((job, JobInBrief.of(job).spec_run) for job in visit.seen(page.resources))
+    lines = [named_in_run(job_line(job), in_runs.find(job.arn, run_id)) for job, run_id in jobs]
     return visit.page("jobs.html.j2", lines=lines, next_token=page.next_token)
 
 
@@ -73,7 +75,9 @@ def show(visit: Visit) -> Response:
     view = view_report(report_of_job(job.arn, visit.service)) if has_ended else None
     timeline = timeline_of(document.outputs, files, visit.service, visit.parameter("trial")) if has_ended else None
     card = view and view.jobs[0]
-    in_run = job_in_run(job.arn, document.spec_run, visit)
+    in_runs = JobsInRuns(lambda run_id: record_of(run_id, visit))
+    in_run = in_runs.find(job.arn, document.spec_run)
+    record = in_runs.record_of(document.spec_run) if document.spec_run else None
     line = named_in_run(job_line(job), in_run)
     links = f"{HOME}/jobs/{quote(job.id)}/files/"
     is_batch_seen = visit.sees(job.parent)
@@ -114,6 +118,8 @@ def show(visit: Visit) -> Response:
         files=files,
         logs=_logs(document.outputs, files, timeline, visit) if timeline else [],
         batch_id=(job.parent or "").rpartition("/")[2] if is_batch_seen else "",
+        batch_name=batch_name(job.parent or "", document.spec_run or "", record) if is_batch_seen else "",
+        run_name=run_name(document.spec_run or "", record),
         run_id=document.spec_run if is_batch_seen or is_known(document.spec_run or "", visit) else "",
     )
 

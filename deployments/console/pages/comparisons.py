@@ -14,7 +14,7 @@ from ....tasks.inspection.run_records import RECORD_NAME, read_record
 from ...compared_pages import Sides, compared_page
 from ..job_states import JOB
 from ..rendering import HOME, address
-from ..runs import is_known
+from ..run_records import is_known
 from ..visit import Visit
 
 _PAGE_LENGTH = 10

@@ -444,7 +444,7 @@ def test_a_batch_that_changes_is_read_again(browser: Any, store_batch: StoreBatc
     service.catalog.transition(batch, "drain")
     service.catalog.transition(batch, "complete", document_changes={"verdicts": {"PASS": 2, "FAIL": 1}})
 
-    assert "some failed" in browser.get("/console/batches").text
+    assert "</svg>failed</span>" in browser.get("/console/batches").text
 
 
 def test_an_error_of_the_catalog_tells_no_path(
