@@ -3,7 +3,7 @@
 import base64
 import os
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
@@ -13,13 +13,23 @@ from ..schemas.reports.changes import ChangedInput
 from ..schemas.reports.comparison import Comparison
 from ..schemas.reports.report import ReportedFile
 from ..schemas.reports.run_record import JobRecord, RunRecord
+from ..schemas.runs.trial_rows import TrialsSummary
 from ..schemas.wire.errors import ConfigurationError
 from ..tasks.comparison.compared_runs import NightRun, name_of
 from ..tasks.comparison.pairing import Pair, pair_jobs
 from ..tasks.comparison.side_by_side import StepAxis, by_change, has_changed, pair_cells, requirements_beside, was_run
 from ..tasks.files.whole_files import replaced
 from ..tasks.inspection.job_outputs import drive_of
-from ..tasks.reporting import ComparedSide, ComparisonPage, Drive, PairLine, PairPainter, change_in_words, outcomes
+from ..tasks.reporting import (
+    ComparedSide,
+    ComparisonPage,
+    Drive,
+    PairLine,
+    PairPainter,
+    change_in_words,
+    outcomes,
+    trials_beside,
+)
 from ..tasks.service.service import Service
 
 MOST_CARDS = 60
@@ -98,6 +108,7 @@ def compared_page(
     first: int = 1,
     most: int = MOST_CARDS,
     is_seen: Callable[[JobRecord], bool] = lambda _: True,
+    chosen: Mapping[int, int] | None = None,
     **more: object,
 ) -> ComparisonPage:
     """Makes the values of the page, with the cards of some pairs.
@@ -109,6 +120,7 @@ def compared_page(
         first: Number of the first pair that has a card, from 1.
         most: Maximum number of cards.
         is_seen: Function that returns whether the visitor may see a job.
+        chosen: Numbers of the trials that are shown, by number of the pair; of others the first that differs.
         **more: Further values of the page.
     """
     painter = PairPainter(video_link)
@@ -116,9 +128,18 @@ def compared_page(
     cards = []
     for number, pair in enumerate(shown, start=first):
         drives = _drive(pair.before, service, is_seen), _drive(pair.after, service, is_seen)
+        trials = trials_beside((drives[0].result, drives[1].result))
+        if trials is not None:
+            wanted = (chosen or {}).get(number, trials.first)
+            trial = wanted if wanted in trials.numbers else trials.first
+            before, after = drives
+            drives = (
+                _drive_of_trial(pair.before, before, trial, service),
+                _drive_of_trial(pair.after, after, trial, service),
+            )
         asked = (drives[0].asked, drives[1].asked) if all(drive.asked for drive in drives) else None
         rows = requirements_beside(pair, asked)
-        cards.append(painter.card(number, (pair.before, pair.after), name_of(pair.after).title, rows, drives))
+        cards.append(painter.card(number, (pair.before, pair.after), name_of(pair.after).title, rows, drives, trials))
     return ComparisonPage(
         name=sides.name,
         before=sides.before,
@@ -185,7 +206,7 @@ class _Videos:
         except OSError:
             return ""
         with opened:
-            return self._copied(opened, f"{job.label}-{file.name}")
+            return self._copied(opened, f"{job.label}-{file.name.replace('/', '-')}")
 
     def _copied(self, video: BinaryIO, name: str) -> str:
         path = self.folder / name
@@ -207,6 +228,11 @@ def _drive(job: JobRecord, service: Service, is_seen: Callable[[JobRecord], bool
     if not is_seen(job):
         return Drive(trouble="This job is not shown to your access key.")
     return drive_of(job, service)
+
+
+def _drive_of_trial(job: JobRecord, drive: Drive, trial: int, service: Service) -> Drive:
+    """Returns what a trial left of its drive; the job's own where the job has no trials, or left nothing."""
+    return drive if TrialsSummary.of(drive.result) is None else drive_of(job, service, trial)
 
 
 def _title(run: RunRecord, changed: Sequence[ChangedInput], is_first: bool) -> str:

@@ -5,8 +5,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from functools import cached_property, lru_cache
-from pathlib import Path
+from functools import cache, cached_property
 from typing import Any
 
 from markupsafe import Markup, escape
@@ -20,13 +19,15 @@ from ...schemas.reports.report import Share
 from ...schemas.reports.run_record import RunRecord
 from ...schemas.reports.run_states import run_state
 from ...schemas.wire.errors import ConfigurationError
+from ...schemas.reports.run_record import RunRecord
 from ...tasks.catalog import Resource
 from ...tasks.inspection.run_records import RECORD_NAME, read_record
 from ...tasks.jobs.job_owners import standing_of
 from ...tasks.reporting.outcomes import times_by_part
 from .batch_caches import Known
-from .job_states import JOB, UNFINISHED, WAITING, JobLine, Look, look_of_status, rate_of
+from .job_states import JOB, KNOWN, UNFINISHED, WAITING, JobLine, Look, look_of_status, named_in_run, rate_of
 from .rendering import address, icon, render
+from .run_records import JobsInRuns, batch_name, has_known_failures_only, record_of, run_name
 from .streams import Parts
 from .visit import Visit
 
@@ -43,6 +44,14 @@ _LOOKED_AT = 200
 
 _EVERY_S = 1.0
 _BROKEN = Look("broken", "not created")
+_SUCCEEDED = Look("passed", "succeeded")
+_ENDED = {
+    "Completed": _SUCCEEDED,
+    "Failed": Look("broken", "broken"),
+    "Canceled": Look("canceled", "canceled"),
+    "TimedOut": Look("unfinished", "timed out"),
+}
+"""Display of batches that have ended, by status, in the words and colours of runs."""
 
 
 @dataclass(frozen=True)
@@ -50,12 +59,16 @@ class BatchLine:
     """A row of the web console's list of batches."""
 
     id: str
+    name: str
+    """Step and specification that ordered the batch: `drive of nightly`; its id if no run did."""
     status: str
     look: Look
     total: int
     done: int
     """Number of a batch's jobs that have ended."""
     spec_run: str
+    run_name: str
+    """Name of the specification that ordered the batch; empty if no run did."""
     created_at: datetime
     updated_at: datetime
     tags: dict[str, str]
@@ -102,7 +115,11 @@ class BatchView:
     rate: Share | None
     left_s: float | None
     """Estimated remaining time of a batch, in seconds; `None`: it has ended, or no job has."""
+    name: str
+    """Step and specification that ordered the batch: `drive of nightly`; its id if no run did."""
     spec_run: str
+    run_name: str
+    """Name of the specification that ordered the batch; empty if no run did."""
     concurrency: int
     reason: str
     standing: JobStanding | None
@@ -142,6 +159,11 @@ class BatchView:
         """Jobs of a batch that failed or broke, latest first."""
         found = [tile.job for tile in self.tiles if tile.job is not None and tile.job.is_failure]
         return sorted(found, key=lambda job: job.updated_at, reverse=True)
+
+    @property
+    def known(self) -> list[JobLine]:
+        """Jobs of a batch whose failure is known in its run, in the order of the request."""
+        return [tile.job for tile in self.tiles if tile.job is not None and tile.job.look == KNOWN]
 
     @property
     def may_run_again(self) -> bool:
@@ -208,7 +230,11 @@ def follow(visit: Visit) -> Response:
 def batch_lines(batches: Iterable[Resource], visit: Visit) -> list[BatchLine]:
     """Makes rows of batches for lists in the web console."""
     briefs = visit.context.briefs.of(batches)
-    return [_line(batch, brief, visit) for batch, brief in briefs]
+    record = cache(lambda run_id: record_of(run_id, visit) if run_id else None)
+    return [
+        _line(batch, brief, {} if _has_ended(batch) else _count(batch, visit), record(brief.spec_run or ""))
+        for batch, brief in briefs
+    ]
 
 
 def batches_of_run(run_id: str, visit: Visit) -> list[BatchLine]:
@@ -226,67 +252,55 @@ def _has_ended(batch: Resource) -> bool:
     return is_terminal(BATCH, batch.status)
 
 
-def _line(batch: Resource, document: BatchInBrief, visit: Visit) -> BatchLine:
-    counts: dict[str, int] = {} if _has_ended(batch) else _count(batch, visit)
+def _line(batch: Resource, document: BatchInBrief, counts: dict[str, int], record: RunRecord | None) -> BatchLine:
     total = document.request_count or sum(counts.values())
     done = total if _has_ended(batch) else sum(count for each, count in counts.items() if is_terminal(JOB, each))
     return BatchLine(
         id=batch.id,
+        name=batch_name(batch.arn, document.spec_run or "", record) or batch.id,
         status=batch.status,
-        look=_look(batch, document, total, visit),
+        look=_look(batch, document.verdicts, total, record),
         total=total,
         done=done,
         spec_run=document.spec_run or "",
+        run_name=run_name(document.spec_run or "", record),
         created_at=batch.created_at,
         updated_at=batch.updated_at,
         tags=dict(batch.tags),
     )
 
 
-def _look(batch: Resource, document: BatchInBrief, total: int, visit: Visit) -> Look:
-    """Returns how a batch's state is shown: in the words and colours of its jobs and of its run."""
-    verdicts = document.verdicts
-    if batch.status == "Failed":
-        return Look("broken", "broken")
-    if batch.status == "TimedOut":
-        return Look("unfinished", "timed out")
-    if batch.status != "Completed" or verdicts is None:
-        return look_of_status(BATCH, batch.status)
-    is_broken = verdicts.get("ERROR") or sum(verdicts.values()) < total
-    if not is_broken and not verdicts.get("FAIL"):
-        return Look("passed", "passed") if verdicts.get("PASS") else look_of_status(BATCH, batch.status)
-    if _is_no_trouble(batch, document, visit):
-        return Look("passed", "passed, failures known")
-    return Look("broken", "broken") if is_broken else Look("failed", "failed")
+def _look(batch: Resource, verdicts: dict[str, int] | None, total: int, record: RunRecord | None) -> Look:
+    """Returns how a batch's state is shown, in the words of runs: one that is completed as its jobs ended.
+
+    Args:
+        batch: The batch.
+        verdicts: Numbers of its jobs by verdict; `None`: it has not ended.
+        total: Number of its requests.
+        record: Record of the run that ordered it, which has its known failures; `None`: there is none.
+    """
+    if batch.status == "Completed" and verdicts is not None:
+        if verdicts.get("ERROR") or sum(verdicts.values()) < total:
+            return Look("broken", "broken")
+        if verdicts.get("FAIL") and not has_known_failures_only(batch.arn, record):
+            return Look("failed", "failed")
+    return _ENDED.get(batch.status) or look_of_status(BATCH, batch.status)
 
 
-def _is_no_trouble(batch: Resource, document: BatchInBrief, visit: Visit) -> bool:
-    """Whether the batch's run has ended and takes what failed in the batch for none: known, or sabotaged robots."""
-    name = document.spec_run or ""
-    path = visit.service.settings.home / "runs" / name / RECORD_NAME
-    # Who sees the batch sees its state; nothing else of the run's record is shown.
-    record = record_at(path, path.stat().st_mtime_ns) if name and "/" not in name and path.is_file() else None
-    if record is None:
-        return False
-    if record.challenge is not None:
-        return record.state == "succeeded"
-    steps = {step.name for step in record.steps if step.arn == batch.arn}
-    jobs = [job for job in record.jobs if job.step in steps]
-    return bool(jobs) and run_state([batch.status], jobs) == "succeeded"
-
-
-def _jobs(visit: Visit, batch: str) -> list[JobLine]:
-    """Returns the rows of a batch's jobs that the visitor may see."""
+def _jobs(visit: Visit, batch: str) -> list[tuple[str, JobLine]]:
+    """Returns the ARNs and rows of a batch's jobs that the visitor may see."""
     known = visit.context.job_lines.of(batch).values()
-    if visit.sees_all:
-        return [line for _, line in known]
     seen = {job.arn for job in visit.seen(job for job, _ in known)}
-    return [line for job, line in known if job.arn in seen]
+    return [(job.arn, line) for job, line in known if job.arn in seen]
 
 
 def _view(batch: Resource, visit: Visit) -> BatchView:
     [(batch, document)] = visit.context.briefs.of([batch])
-    by_number = {job.number: job for job in _jobs(visit, batch.arn)}
+    run_id = document.spec_run or ""
+    record = record_of(run_id, visit) if run_id else None
+    in_runs = JobsInRuns(lambda _: record)
+    named = (named_in_run(line, in_runs.find(arn, run_id)) for arn, line in _jobs(visit, batch.arn))
+    by_number = {job.number: job for job in named}
     failed = {int(place) + 1 for place in document.failed}
     unseen = Look("canceled", "not shown, or never begun") if _has_ended(batch) else WAITING
     requests = document.request_count
@@ -298,11 +312,13 @@ def _view(batch: Resource, visit: Visit) -> BatchView:
     ]
     return BatchView(
         batch=batch,
-        look=_look(batch, document, requests, visit),
+        look=_look(batch, document.verdicts, requests, record),
         tiles=tiles,
         rate=rate_of(by_number.values()),
         left_s=None if is_terminal(BATCH, batch.status) else _left_s(batch, list(by_number.values()), requests),
-        spec_run=document.spec_run or "",
+        name=batch_name(batch.arn, run_id, record) or batch.id,
+        spec_run=run_id,
+        run_name=run_name(run_id, record),
         concurrency=document.batch_policy.max_concurrency,
         reason=document.failure_reason or "",
         standing=standing_of(batch, visit.service),

@@ -16,7 +16,7 @@ from ...tasks.results.rates import share_of
 from ...tasks.service.references import name_of_job
 
 JOB = "simulation-job"
-_ICONS = {"running": "unfinished", "waiting": "unjudged"}
+_ICONS = {"running": "unfinished", "waiting": "unjudged", "known": "unjudged"}
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,8 @@ class Look:
 
 
 WAITING, RUNNING = Look("waiting", "waiting"), Look("running", "running")
+KNOWN = Look("known", "known failure")
+"""State of a job that failed as its specification knows: not red, since it makes no run red."""
 DRAWING, STORING = Look("running", "drawing"), Look("running", "storing")
 UNFINISHED = (WAITING, RUNNING, DRAWING, STORING)
 
@@ -58,10 +60,12 @@ class JobLine:
     tags: dict[str, str]
     parts_s: dict[str, float]
     """Time that a job took, in seconds, by activity."""
+    known: str = ""
+    """Owner, last day and reason of its failure, if that is known in its run; else empty."""
 
     @property
     def is_failure(self) -> bool:
-        """Whether the job failed or broke, so that a person has to examine it."""
+        """Whether the job failed or broke, and not as its specification knows, so that a person has to examine it."""
         return self.look.key in ("broken", "failed")
 
 
@@ -108,13 +112,18 @@ def job_line(job: Resource) -> JobLine:
 
 
 def named_in_run(line: JobLine, record: JobRecord | None) -> JobLine:
-    """Returns the row with the job's name in its run, which no other job of the run has: `scout in flat 3, seed=4`.
+    """Returns the row with the job's name in its run, and as a known failure if it is one there.
+
+    No other job of the run has that name: `scout in flat 3, seed=4`.
 
     Args:
         line: Row of the job.
         record: Its record in its run; `None`: it has none, or the run goes on.
     """
-    return replace(line, name=record.name) if record is not None and record.name else line
+    if record is None:
+        return line
+    named = replace(line, name=record.name or line.name)
+    return replace(named, look=KNOWN, known=record.known) if record.known and line.is_failure else named
 
 
 def _look_of_unfinished(status: str, *, draws: bool) -> Look:
@@ -129,5 +138,5 @@ def _look_of_unfinished(status: str, *, draws: bool) -> Look:
 def rate_of(lines: Iterable[JobLine]) -> Share | None:
     """Returns the pass rate of jobs, with its interval; `None` while none is judged."""
     counts = Counter(line.look.key for line in lines)
-    share = share_of("", counts["passed"], counts["failed"])
+    share = share_of("", counts["passed"], counts["failed"] + counts["known"])  # a failure is one, known or not
     return None if share.rate is None else share

@@ -24,17 +24,17 @@ from ...tasks.reporting import view_report
 from ...tasks.reporting.drawings.plan import draw_bare_path, draw_job_plan
 from ...tasks.reporting.drawings.svg_writing import Frame
 from ...tasks.reporting.drawings.trajectory import finite_path
-from ...tasks.reporting.outcomes import times_by_part, times_with_videos
+from ...tasks.reporting.outcomes import plain, times_by_part
 from ...tasks.reporting.report_view import Page
 from ...tasks.simulations.outputs.upload_files import visit_matches
 from ..endpoint.origins import is_loopback
 from .files import published, send_file, tail_of
 from .job_states import JOB, job_line, named_in_run
-from .live_runs import DRIVE, drive_in, live_view_of, open_plan, world_of
 from .rendering import HOME, render
-from .runs import is_known, job_in_run
+from .run_records import JobsInRuns, batch_name, is_known, record_of, run_name
 from .streams import Parts
 from .timelines.job_timelines import RUNS_ON, VIDEOS, JobTimeline, timeline_of
+from .timelines.live_runs import DRIVE, drive_in, live_view_of, open_plan, world_of
 from .timelines.log_lines import LogLine, lines_of
 from .visit import Visit
 
@@ -57,7 +57,9 @@ def show_all(visit: Visit) -> Response:
     """Web page with the list of simulation jobs."""
     filters = {name: [value] for name in ("status", "tag") if (value := visit.parameter(name))}
     page = visit.listed(JOB, filters, _PAGE_LENGTH, JobInBrief.members())
-    lines = [job_line(job) for job in visit.seen(page.resources)]
+    in_runs = JobsInRuns(lambda run_id: record_of(run_id, visit))
+    jobs = ((job, JobInBrief.of(job).spec_run) for job in visit.seen(page.resources))
+    lines = [named_in_run(job_line(job), in_runs.find(job.arn, run_id)) for job, run_id in jobs]
     return visit.page("jobs.html.j2", lines=lines, next_token=page.next_token)
 
 
@@ -73,7 +75,9 @@ def show(visit: Visit) -> Response:
     view = view_report(report_of_job(job.arn, visit.service)) if has_ended else None
     timeline = timeline_of(document.outputs, files, visit.service, visit.parameter("trial")) if has_ended else None
     card = view and view.jobs[0]
-    in_run = job_in_run(job.arn, document.spec_run, visit)
+    in_runs = JobsInRuns(lambda run_id: record_of(run_id, visit))
+    in_run = in_runs.find(job.arn, document.spec_run)
+    record = in_runs.record_of(document.spec_run) if document.spec_run else None
     line = named_in_run(job_line(job), in_run)
     links = f"{HOME}/jobs/{quote(job.id)}/files/"
     is_batch_seen = visit.sees(job.parent)
@@ -86,11 +90,7 @@ def show(visit: Visit) -> Response:
         )
     drive = card if card is not None and timeline is not None and timeline.trial is None and timeline.end_s else None
     trial_plan = _trial_plan(view, timeline)
-    names: dict[str, str] = dict(
-        zip(("simulation", "videos of failures"), times_with_videos([document.request]), strict=True)
-    )
-    # One plan is enough: it stands beside the video, under the time line.
-    if card is not None and ((drive is not None and drive.plan) or trial_plan):
+    if card is not None and (trial_plan or (drive is not None and drive.plan)):  # it stands beside the video
         card = replace(card, plan=None, plan_note="")
     return visit.page(
         "job.html.j2",
@@ -114,9 +114,12 @@ def show(visit: Visit) -> Response:
         videos=[f"{timeline.folder}{name}" for name in VIDEOS if f"{timeline.folder}{name}" in files]
         if timeline
         else [],
+        no_video=_no_video(document, timeline),
         files=files,
         logs=_logs(document.outputs, files, timeline, visit) if timeline else [],
         batch_id=(job.parent or "").rpartition("/")[2] if is_batch_seen else "",
+        batch_name=batch_name(job.parent or "", document.spec_run or "", record) if is_batch_seen else "",
+        run_name=run_name(document.spec_run or "", record),
         run_id=document.spec_run if is_batch_seen or is_known(document.spec_run or "", visit) else "",
     )
 
@@ -198,6 +201,24 @@ def _trial_plan(view: Page | None, timeline: JobTimeline | None) -> Markup | Non
     if world is None or world.content is None or world.frame is None:
         return draw_bare_path(timeline.result, title)
     return draw_job_plan(world.content, world.frame, world.fixtures, timeline.result, title)
+
+
+def _no_video(document: SimulationJobDocument, timeline: JobTimeline | None) -> str:
+    """Returns why a job, or the trial that the time line shows, has no video, and how its next run gets one."""
+    result = timeline and timeline.result
+    if result is not None and (problem := result.extra.get("video_error")):
+        return f"No video could be made: {plain(str(problem))}."
+    how = "`video: always` in the request makes one of every run."
+    if document.video == "none":
+        return f"There is no video: the request asks for none. {how}"
+    if document.video == "on-failure" and result is not None and result.verdict == "PASS":
+        return f"There is no video: the request asks for one of failures only (`video: on-failure`). {how}"
+    if timeline is not None and timeline.trial is not None:
+        return (
+            f"There is no video of trial {timeline.trial}: only the first trials that do not pass have one, as many as "
+            f"`record_failed` says. `video: always` in the request makes one of every recorded trial."
+        )
+    return "There is no video: none is stored."
 
 
 def _frame(view: Page | None, timeline: JobTimeline | None) -> Frame | None:

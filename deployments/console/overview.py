@@ -8,6 +8,7 @@ from urllib.parse import quote, urlencode
 
 from starlette.responses import RedirectResponse, Response
 
+from ...schemas.documents.simulation_jobs import JobInBrief
 from ...schemas.lifecycles import LIFECYCLES
 from ...schemas.wings import parts_of_wings
 from ...schemas.wire.errors import ConfigurationError
@@ -15,9 +16,10 @@ from ...tasks.catalog import Resource
 from ...tasks.service.references import jobs_meant, name_of, worlds_meant
 from .batches import BATCH, batch_lines
 from .job_states import JOB, Look, job_line, look_of_status
-from .pages.failures import RecordOf, failure_groups
+from .pages.failures import failure_groups
 from .rendering import FOLDERS, HOME, address, render
-from .runs import SeenRecords, is_known, latest_runs, since_before
+from .run_records import RecordOf, SeenRecords, is_known
+from .runs import latest_runs, since_before
 from .streams import Parts
 from .visit import Visit
 
@@ -82,7 +84,7 @@ def _open(visit: Visit) -> list[Resource]:
     """Returns the newest unfinished resources, except jobs of batches."""
     # Who sees only some may see none of the newest.
     most = _MOST_RUNNING if visit.sees_all else _LOOKED_AT
-    found = visit.seen(visit.service.catalog.newest(_OPEN, not_below=BATCH, limit=most, members=()))
+    found = visit.seen(visit.service.catalog.newest(_OPEN, not_below=BATCH, limit=most, members=JobInBrief.members()))
     by_kind = {kind: [each for each in found if each.kind == kind][:_MOST_RUNNING] for kind in _OPEN}
     return [each for some in by_kind.values() for each in some]
 

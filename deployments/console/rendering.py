@@ -10,6 +10,7 @@ from urllib.parse import quote
 
 import jinja2
 
+from ...schemas.reports.changes import SinceLastRun
 from ...schemas.wings import parts_of_wings
 from ...tasks.reporting import outcomes, page_environment, page_script, page_styles
 
@@ -80,11 +81,30 @@ def ago(moment: datetime) -> str:
     return f"{minutes} min ago" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min ago"
 
 
+def since_briefly(since: SinceLastRun) -> str:
+    """Says in one line what changed since the run before: `1 newly failing, 2 newly passing`."""
+    failing = [change for change in (*since.newly_failing, *since.first_failing) if not change.known]
+    lost = [*since.gone, *since.no_longer_judged, *since.asked_less, *since.fewer_trials]
+    counts = {
+        "newly failing": len(failing),
+        "newly passing": len(since.newly_passing),
+        "still failing": sum(not change.known for change in since.still_failing),
+        "known to fail": sum(
+            bool(change.known) for change in (*since.newly_failing, *since.still_failing, *since.first_failing)
+        ),
+        "checked less than before": len(lost),
+    }
+    told = [f"{count} {'job' if count == 1 else 'jobs'} {words}" for words, count in counts.items() if count]
+    missed = sum(change.newly_missed > 0 for change in since.requirements)
+    told += [f"{missed} {'requirement' if missed == 1 else 'requirements'} newly missed in trials"] if missed else []
+    return ", ".join(told) or "nothing changed"
+
+
 @cache
 def _environment() -> jinja2.Environment:
     folders = (folder for part in _OF_WINGS for folder in part.TEMPLATES)
     environment = page_environment(_FOLDER / "templates", *folders)
     environment.auto_reload = False  # or each part of a page is looked for on the disk, each time
-    environment.filters.update(ago=ago, size=outcomes.size)
+    environment.filters.update(ago=ago, size=outcomes.size, tag=tag_in_words, since_briefly=since_briefly)
     environment.globals.update(HOME=HOME, MENU=MENU, address=address, asset_address=asset_address)
     return environment

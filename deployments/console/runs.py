@@ -1,9 +1,7 @@
 """Pages of finished runs of specifications, from the records in their folders."""
 
-import math
 import re
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from html import unescape
 from itertools import islice
@@ -15,16 +13,17 @@ from starlette.responses import HTMLResponse, Response
 from ...schemas.reports.changes import SinceLastRun
 from ...schemas.reports.live_comparison import in_words
 from ...schemas.reports.names import newest_first
-from ...schemas.reports.run_record import JobRecord, RunRecord
+from ...schemas.reports.run_record import RunRecord
 from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException
 from ...tasks.causes.stored import read_why
 from ...tasks.comparison.compared_runs import NightRun
 from ...tasks.comparison.side_by_side import axes_of
 from ...tasks.inspection.run_records import RECORD_NAME, ids_of_runs, is_night, read_record, since_last
 from ...tasks.reporting import classify, view_why
-from ..spec_runs.spec_runs import Standing, read_standing
+from ..spec_runs.spec_runs import Standing
 from .batches import batches_of_run, record_at
 from .rendering import HOME
+from .run_records import is_known, place_of, read_kept, record_of, run_name, sees_run
 from .visit import Visit
 
 _MOST_LATEST = 5
@@ -36,9 +35,6 @@ _MOST_OTHERS = 40
 """Limit of the runs offered for a comparison, as the record of each is read; the page of the history has more."""
 _MOST_OTHERS_SEEN = 20
 """Limit of the runs offered to an access key with restricted resources, as each job of each run is looked up."""
-
-_SEEN_FOR_S = 60.0
-"""Seconds after which a page that is followed asks again whether a run may be seen: changed tags count by then."""
 
 _MOST_VALUES = 21
 """Values of an axis that are linked: the first one and twenty others, as in reports."""
@@ -61,7 +57,7 @@ def show(visit: Visit) -> Response:
     run_id = visit.request.path_params["id"]
     batches = batches_of_run(run_id, visit)
     if batches and not is_known(run_id, visit):
-        return visit.page("open_run.html.j2", run_id=run_id, batches=batches)
+        return visit.page("open_run.html.j2", run_id=run_id, name=run_name(run_id, None), batches=batches)
     record = find_record(visit)
     jobs = sorted(record.jobs, key=lambda job: classify(job.status, job.failure_code, job.verdict).rank)
     others, since = _others(record, visit), since_before(record, visit)
@@ -76,6 +72,7 @@ def show(visit: Visit) -> Response:
         since=since,
         why=view_why(read_why(_path(visit).parent)),
         job_links={job.label: f"{HOME}/jobs/{quote(job.arn.rpartition('/')[2])}" for job in record.jobs if job.arn},
+        job_names={job.label: job.title for job in record.jobs},
         has_report=_path(visit).with_name("report.html").is_file(),
         others=others,
         before=_run_before(record, others, since),
@@ -106,7 +103,7 @@ def since_before(record: RunRecord, visit: Visit) -> SinceLastRun | None:
     """Compares a run with the one before it; `None` for reruns and confined visitors."""
     if not visit.sees_all:
         return None
-    return _since(_place(record.run_id, visit), visit.service.settings.home / "runs")
+    return _since(place_of(record.run_id, visit), visit.service.settings.home / "runs")
 
 
 def send_report(visit: Visit) -> Response:
@@ -147,97 +144,17 @@ def names_of_seen(visit: Visit) -> list[str]:
 
 def _latest(visit: Visit, most: int) -> list[RunRecord]:
     paths = (visit.service.settings.home / "runs").glob(f"*/{RECORD_NAME}")
-    newest = newest_first(paths)[:_MOST_LOOKED_AT]
-    records = (record for path in newest if (record := record_at(path, path.stat().st_mtime_ns)) is not None)
+    # The name of a run's folder ends with when it began.
+    newest = sorted(paths, key=lambda path: path.parent.name.rpartition("-")[2], reverse=True)[:_MOST_LOOKED_AT]
+    records = (record for path in newest if (record := read_kept(path, path.stat().st_mtime_ns)) is not None)
     return list(islice((record for record in records if sees_run(visit, record)), most))
-
-
-def sees_run(visit: Visit, record: RunRecord) -> bool:
-    """Whether a visitor may see a run: if the visitor ordered it, or may see all its steps and jobs."""
-    if visit.sees_all:
-        return True
-    standing = read_standing(_place(record.run_id, visit).parent)
-    if standing is not None and visit.key is not None and standing.key_id == visit.key.id:
-        return True
-    steps, jobs = ({each.arn for each in some if each.arn} for some in (record.steps, record.jobs))
-    return bool(steps) and all(_sees_each(visit, arns) for arns in (steps, jobs))  # of others the first tells
-
-
-def _sees_each(visit: Visit, arns: set[str]) -> bool:
-    return len(visit.seen(visit.service.catalog.get_many(arns, ()).values())) == len(arns)
-
-
-def _place(run_id: str, visit: Visit) -> Path:
-    return visit.service.settings.home / "runs" / run_id / RECORD_NAME
-
-
-def is_known(name: str, visit: Visit) -> bool:
-    """Whether there is a run of that id, which the visitor may see."""
-    path = _record_path(name, visit)
-    if path is None:
-        return False
-    return visit.sees_all or (
-        (record := record_at(path, path.stat().st_mtime_ns)) is not None and sees_run(visit, record)
-    )
-
-
-def _record_path(name: str, visit: Visit) -> Path | None:
-    """Returns the path of the record of a run that has ended; `None` if there is none."""
-    # Longer names are none: the file system would refuse them with an error of its own.
-    is_name = "/" not in name and name not in ("", ".", "..") and len(name.encode()) <= 255
-    path = _place(name, visit)
-    return path if is_name and path.is_file() else None
-
-
-def record_of(run_id: str, visit: Visit) -> RunRecord | None:
-    """Returns the record of a run that has ended; `None` if there is none that the visitor may see."""
-    if not is_known(run_id, visit):
-        return None
-    path = _place(run_id, visit)
-    return record_at(path, path.stat().st_mtime_ns)
-
-
-class SeenRecords:
-    """Records of runs for a page that is followed: whether the visitor may see a run is asked once a minute.
-
-    The catalog is asked for each job of a run where the key sees only some resources, and the page is made every two
-    seconds.
-
-    Args:
-        visit: The visit.
-        clock: Seconds, from any moment.
-    """
-
-    def __init__(self, visit: Visit, clock: Callable[[], float] = time.monotonic) -> None:
-        self._visit = visit
-        self._clock = clock
-        self._asked: dict[str, tuple[float, bool]] = {}
-
-    def of(self, run_id: str) -> RunRecord | None:
-        """Returns the record of a run that has ended; `None` if there is none that the visitor may see."""
-        path = _record_path(run_id, self._visit)
-        if path is None:  # not remembered: the run may end any moment
-            return None
-        now_s = self._clock()
-        asked_s, is_seen = self._asked.get(run_id, (-math.inf, False))
-        if now_s - asked_s >= _SEEN_FOR_S:
-            is_seen = is_known(run_id, self._visit)
-            self._asked[run_id] = now_s, is_seen
-        return record_at(path, path.stat().st_mtime_ns) if is_seen else None
-
-
-def job_in_run(arn: str, run_id: str | None, visit: Visit) -> JobRecord | None:
-    """Returns the record of a job in its run, with its name there; `None` if it has none, or its run goes on."""
-    record = record_of(run_id, visit) if run_id else None
-    jobs = [] if record is None else record.jobs
-    return next((job for job in jobs if job.arn == arn), None)
 
 
 def _path(visit: Visit) -> Path:
     name = visit.request.path_params["id"]
     if not is_known(name, visit):
         raise ResourceNotFoundException(f"there is no run {name} in the data home of this server")
-    return _place(name, visit)
+    return place_of(name, visit)
 
 
 def find_record(visit: Visit) -> RunRecord:
@@ -248,7 +165,7 @@ def find_record(visit: Visit) -> RunRecord:
         ConfigurationError: The record cannot be read.
     """
     path = _path(visit)
-    record = record_at(path, path.stat().st_mtime_ns)
+    record = read_kept(path, path.stat().st_mtime_ns)
     if record is None:
         raise ConfigurationError(f"the record of {path.parent.name} cannot be read")
     return record

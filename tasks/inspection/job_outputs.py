@@ -20,7 +20,7 @@ from ...schemas.runs.plan import RunResult
 from ...schemas.runs.programs import ApplicationRole
 from ...schemas.runs.provenance import PROVENANCE_FILE
 from ...schemas.runs.requirements import REQUIREMENTS_VARIABLE
-from ...schemas.runs.trial_rows import TRIALS_FILE, TrialsSummary, trial_folder
+from ...schemas.runs.trial_rows import TRIALS_FILE, trial_folder
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.errors import InvalidParameterException, ObjectNotFoundError, StorageError
 from ...schemas.wire.json_values import is_mapping
@@ -99,23 +99,30 @@ def drawn_trial(
         return None
 
 
-def drive_of(job: JobRecord, service: Service) -> Drive:
-    """Reads what a job left of its drive, for a page that shows it beside another one.
+def drive_of(job: JobRecord, service: Service, trial: int | None = None) -> Drive:
+    """Reads what a job, or one of its trials, left of its drive, for a page that shows it beside another one.
 
     Args:
         job: Record of the job.
         service: Service that stores its outputs and its world.
+        trial: Number of the trial; None: the job itself. Of one that was not recorded nothing is left.
     """
     stored = service.catalog.get_many([job.arn] if job.arn else [])
     if not stored:
         return Drive(trouble="No job came of the request." if job.arn is None else "The job is deleted.")
     document = SimulationJobDocument.of(next(iter(stored.values())))
     files, result, _, _ = outputs_of(document.outputs, service)
+    folder = "" if trial is None else f"{trial_folder(trial)}/"
+    if trial is not None:
+        files = [file for file in files if file.name.startswith(folder)]
+        result = _result_of_trial(document.outputs, folder, files, service)
     world_json, content, trouble = _stored_world(document.request, service)
     return Drive(
         result=result,
         files=files,
-        films_begin_s=_films_begin_s(document.outputs, files, service),
+        films_begin_s=_films_begin_s(document.outputs, files, service, folder),
+        trial=trial,
+        folder=folder,
         asked={str(each.get("name")): each for each in requirements_in(document.request) if is_mapping(each)},
         video_policy=str(
             document.request.get("video") or (document.request.get("tags") or {}).get(VIDEO_TAG) or "none"
@@ -126,13 +133,29 @@ def drive_of(job: JobRecord, service: Service) -> Drive:
     )
 
 
-def _films_begin_s(place: StoredPlace | None, files: Sequence[ReportedFile], service: Service) -> dict[str, float]:
+def _result_of_trial(
+    place: StoredPlace | None, folder: str, files: Sequence[ReportedFile], service: Service
+) -> RunResult | None:
+    """Reads the result of a recorded trial; `None` if it was not recorded, or its result cannot be read."""
+    name = f"{folder}result.json"
+    if place is None or all(file.name != name for file in files):
+        return None
+    try:
+        return RunResult.model_validate_json(service.store.get_bytes(place.bucket, join_key(place.prefix, name)))
+    except (StorageError, ValidationError):
+        return None
+
+
+def _films_begin_s(
+    place: StoredPlace | None, files: Sequence[ReportedFile], service: Service, folder: str
+) -> dict[str, float]:
     """Returns the simulated time in seconds at which each video of a run begins, as its timeline says."""
     sizes = {file.name: file.size_bytes for file in files}
-    if place is None or sizes.get(TIMELINE_FILE, MAX_TIMELINE_BYTES + 1) > MAX_TIMELINE_BYTES:
+    name = folder + TIMELINE_FILE
+    if place is None or sizes.get(name, MAX_TIMELINE_BYTES + 1) > MAX_TIMELINE_BYTES:
         return {}
     try:
-        recorded = read_timeline(service.store.get_bytes(place.bucket, join_key(place.prefix, TIMELINE_FILE)))
+        recorded = read_timeline(service.store.get_bytes(place.bucket, join_key(place.prefix, name)))
     except StorageError:
         return {}
     return {name: times.begins_s for name, times in recorded.videos.items()}

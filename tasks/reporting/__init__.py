@@ -10,6 +10,7 @@ from .nights.beside import Drive, PairPainter
 from .nights.changes import change_in_words
 from .nights.comparison_view import ComparedSide, ComparisonPage, PairLine
 from .nights.history_view import HistoryPage, view_history
+from .nights.trials_beside import trials_beside
 from .outcomes import Outcome, classify
 from .render import (
     page_environment,
@@ -52,6 +53,7 @@ __all__ = [
     "render_page",
     "render_report",
     "summarize",
+    "trials_beside",
     "view_history",
     "view_report",
     "view_why",

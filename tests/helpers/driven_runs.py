@@ -1,7 +1,7 @@
 """Jobs that drove in a stored world, as they are after they ran: paths, requirements, videos; two runs of them."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from prefect_robomaker.schemas.documents.worlds import StoredPlace, WorldDocumen
 from prefect_robomaker.schemas.reports.run_record import JobRecord, RunRecord
 from prefect_robomaker.schemas.runs.plan import Requirement, RunResult
 from prefect_robomaker.tasks.files.untrusted_folders import regular_files
+from prefect_robomaker.schemas.runs.trial_rows import trial_folder
 from prefect_robomaker.tasks.runtime.episode.run_timeline import FilmTimes, RunTimeline, write_timeline
 from prefect_robomaker.tasks.runtime.video.video import VideoWriter
 from prefect_robomaker.tasks.service.service import Service
@@ -50,6 +51,7 @@ def drive(
     video: str = "",
     begins_s: float | None = 0.0,
     states: str | None = None,
+    trials: Mapping[int, float] | None = None,
     **job: Any,
 ) -> JobRecord:
     """Stores a job that has ended, and returns its record.
@@ -67,23 +69,33 @@ def drive(
         video: Name of its video; empty: none.
         begins_s: Simulated time at which the video begins, in seconds; None: it is not recorded.
         states: Digest of all states that it went through.
+        trials: Margins of `gentle` by numbers of recorded trials, of three; None: the job has none.
         **job: Further members of `helpers.night_records.make_job`.
     """
     record = make_job(index, letter, night=night, world=world, **job)
     assert record.inputs is not None
     inputs = record.inputs.model_copy(update={"world": content_of(world, service) if world else None})
-    gentle = Requirement(
-        name="gentle", kind="no_collision", satisfied=margin >= 0, detail=f"{5 - margin:g} N, at most 5 N asked",
-        value=5 - margin, limit=5.0, unit="N", margin=margin, first_violation_s=None if margin >= 0 else end_s / 2,
-        other=None if margin >= 0 else "wall",
-    )  # fmt: skip
+    gentle = _gentle(margin, end_s)
     there = Requirement(name="there", kind="goal", satisfied=True, detail="reached", margin=1.0, unit="s")
     result = RunResult(
         verdict=record.verdict or "NONE", requirements=[there, gentle], path=path_of(end_s, sway_m), sim_time_s=end_s,
         wall_time_s=1.0, real_time_factor=end_s, ended_by="agent", seed=7,
         state_digest=states,
     )  # fmt: skip
-    place = _publish(service, folder / f"outputs-{night}-{index}-{letter}-{world is None}", result, video, begins_s)
+    own = [there, gentle] if trials is None else [Requirement(name="trials", satisfied=letter == "P", detail="")]
+    if trials is not None:
+        result = result.model_copy(update={"path": [], "extra": {"trials": _summary_of(trials)}})
+    each = {
+        trial: result.model_copy(
+            update={
+                "path": path_of(end_s, 0.1 * trial), "requirements": [_gentle(least, end_s)], "extra": {},
+                "verdict": "PASS" if least >= 0 else "FAIL",
+            }
+        )
+        for trial, least in (trials or {}).items()
+    }  # fmt: skip
+    outputs = folder / f"outputs-{night}-{index}-{letter}-{world is None}"
+    place = _publish(service, outputs, result, video, begins_s, each)
     config = {"application": "indoor-navigation", **({"worldConfigs": [{"world": world}]} if world else {})}
     document = SimulationJobDocument(
         request={"simulationApplications": [config], "requirements": [GOAL], "video": "on-failure"},
@@ -99,7 +111,7 @@ def drive(
             "arn": stored.arn,
             "label": stored.id,
             "inputs": inputs,
-            "requirements": [there, gentle] if is_judged else [],
+            "requirements": own if is_judged else [],
         }
     )
 
@@ -114,7 +126,41 @@ def two_runs(service: Service, before: Sequence[JobRecord], after: Sequence[JobR
     return records
 
 
-def _publish(service: Service, folder: Path, result: RunResult, video: str, begins_s: float | None) -> StoredPlace:
+def _gentle(margin: float, end_s: float) -> Requirement:
+    return Requirement(
+        name="gentle", kind="no_collision", satisfied=margin >= 0, detail=f"{5 - margin:g} N, at most 5 N asked",
+        value=5 - margin, limit=5.0, unit="N", margin=margin, first_violation_s=None if margin >= 0 else end_s / 2,
+        other=None if margin >= 0 else "wall",
+    )  # fmt: skip
+
+
+def _summary_of(trials: Mapping[int, float]) -> dict[str, Any]:
+    failing = [
+        {"trial": trial, "seed": trial, "verdict": "FAIL", "reason": f"gentle: {5 - margin:g} N", "recorded": True}
+        for trial, margin in trials.items()
+        if margin < 0
+    ]
+    counts = {"passed": 3 - len(failing), "failed": len(failing)}
+    return {"planned": 3, "counts": counts, "failing": failing, "recorded": sorted(trials)}
+
+
+def _publish(
+    service: Service,
+    folder: Path,
+    result: RunResult,
+    video: str,
+    begins_s: float | None,
+    trials: Mapping[int, RunResult],
+) -> StoredPlace:
+    _write(folder, result, video if not trials else "", begins_s)
+    for trial, own in trials.items():
+        _write(folder / trial_folder(trial), own, video, begins_s)
+    service.store.ensure_bucket("out")
+    publish(service.store, "out", folder.name, regular_files(folder), about={}, created_at=service.clock())
+    return StoredPlace(bucket="out", prefix=folder.name)
+
+
+def _write(folder: Path, result: RunResult, video: str, begins_s: float | None) -> None:
     folder.mkdir(parents=True)
     (folder / "result.json").write_text(result.model_dump_json())
     if video:
@@ -127,6 +173,3 @@ def _publish(service: Service, folder: Path, result: RunResult, video: str, begi
         frames = round(result.sim_time_s * _RATE_HZ) + 1
         times = {} if begins_s is None else {video: FilmTimes(begins_s=begins_s, rate_hz=_RATE_HZ, frames=frames)}
         write_timeline(RunTimeline(videos=times), folder)
-    service.store.ensure_bucket("out")
-    publish(service.store, "out", folder.name, regular_files(folder), about={}, created_at=service.clock())
-    return StoredPlace(bucket="out", prefix=folder.name)

@@ -50,7 +50,10 @@ function setTime(wanted_s, from = null) {
   for (const film of films) {
     if (film !== from) seek(film);
     // Of a moment before its begin a video shows nothing: what is seen then is dim.
-    film.video.classList.toggle("outside", time_s < film.begins_s - ROUNDING_S);
+    const isEarly = time_s < film.begins_s - ROUNDING_S;
+    film.video.classList.toggle("outside", isEarly);
+    const why = film.video.closest("figure").querySelector(".too-early");
+    if (why) why.hidden = !isEarly;
   }
 }
 

@@ -11,7 +11,7 @@ from starlette.responses import RedirectResponse, Response
 
 from ....schemas.reports.run_record import Order, RerunOf, new_run_id
 from ....schemas.specs.check import declared_parameters
-from ....schemas.specs.parameter_values import set_options
+from ....schemas.specs.parameter_values import set_options, value_in_words
 from ....schemas.specs.parameters import AsText, Parameter
 from ....schemas.specs.specification import CheckedSpec
 from ....schemas.wire.errors import InvalidParameterException, Problem, SpecError, ThrottlingException
@@ -53,6 +53,8 @@ class ShownProblem:
     path: str
     message: str
     lines: list[tuple[int, str]]
+    parameter: str = ""
+    """Name of the parameter whose value is refused, or missing; empty: the text has the problem."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,16 @@ class Draft:
     more_problems: int = 0
     is_refused: bool = False
     """Whether a draft's only problems are missing rights of the visitor's key."""
+
+    @property
+    def refused(self) -> dict[str, str]:
+        """Refused values of parameters: what is wrong with each, by name of the parameter."""
+        return {problem.parameter: problem.message for problem in self.problems if problem.parameter}
+
+    @property
+    def allowed(self) -> dict[str, str]:
+        """Allowed values of parameters in words, by name, of those that have neither choices nor any value."""
+        return {name: words for name, parameter in self.declared.items() if (words := _allowed(parameter))}
 
 
 def show(visit: Visit) -> Response:
@@ -203,16 +215,32 @@ def _checked(visit: Visit, draft: Draft, *, starts: bool) -> Draft:
 
 def _with_problems(draft: Draft, problems: list[Problem], *, is_refused: bool = False) -> Draft:
     lines = draft.text.split("\n")
-    shown = [_shown(problem, lines) for problem in problems[:_MOST_PROBLEMS]]
+    given = {f"parameters.{name}": name for name in draft.declared}
+    shown = [_shown(problem, lines, given) for problem in problems[:_MOST_PROBLEMS]]
     more = len(problems) - len(shown)
     return replace(draft, problems=shown, more_problems=more, is_refused=is_refused)
 
 
-def _shown(problem: Problem, lines: list[str]) -> ShownProblem:
+def _shown(problem: Problem, lines: list[str], given: Mapping[str, str]) -> ShownProblem:
     place = problem.place
     first, last = max(1, place.line - _AROUND), min(len(lines), place.line + _AROUND)
     around = [(number, lines[number - 1]) for number in range(first, last + 1)]
-    return ShownProblem(place.line, place.column, problem.path, problem.message, around)
+    return ShownProblem(place.line, place.column, problem.path, problem.message, around, given.get(problem.path, ""))
+
+
+def _allowed(parameter: Parameter) -> str:
+    """Returns the allowed values of a parameter in words: `a whole number from 1 to 50`; empty: any, or choices."""
+    if parameter.choices:
+        return ""
+    noun = {"integer": "a whole number", "number": "a number"}.get(parameter.value_type, "")
+    low, high = parameter.minimum, parameter.maximum
+    if low is not None and high is not None:
+        return f"{noun} from {value_in_words(low)} to {value_in_words(high)}"
+    if low is not None:
+        return f"{noun}, at least {value_in_words(low)}"
+    if high is not None:
+        return f"{noun}, at most {value_in_words(high)}"
+    return f"a text that matches {parameter.pattern}" if parameter.pattern else noun
 
 
 def _answer(visit: Visit, draft: Draft) -> Response:

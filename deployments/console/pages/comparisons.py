@@ -14,7 +14,7 @@ from ....tasks.inspection.run_records import RECORD_NAME, read_record
 from ...compared_pages import Sides, compared_page
 from ..job_states import JOB
 from ..rendering import HOME, address
-from ..runs import is_known
+from ..run_records import is_known
 from ..visit import Visit
 
 _PAGE_LENGTH = 10
@@ -60,6 +60,10 @@ def _page(visit: Visit, sides: Sides, query: dict[str, str]) -> Response:
     first = _number(visit, "from", max(len(sides.pairs), 1), least=1) if visit.parameter("from") else 1
     seen = {job.arn for job in _seen(visit, sides, first)}
 
+    def trial_link(pair: int, trial: int) -> str:
+        chosen = {**query, "from": first, "pair": pair, "trial": trial}
+        return f"{visit.request.url.path}?{urlencode(chosen)}#pair-{pair}"
+
     def link(start: int) -> str:
         return f"{visit.request.url.path}?{urlencode({**query, 'from': start})}#beside"
 
@@ -70,12 +74,27 @@ def _page(visit: Visit, sides: Sides, query: dict[str, str]) -> Response:
         first=first,
         most=_PAGE_LENGTH,
         is_seen=lambda job: job.arn in seen,
+        chosen=_chosen(visit, first),
+        trial_link=trial_link,
         job_link=_job_link,
         run_link=lambda run_id: f"{HOME}/runs/{quote(run_id)}",
         earlier=link(max(1, first - _PAGE_LENGTH)) if first > 1 else "",
         later=link(first + _PAGE_LENGTH) if first + _PAGE_LENGTH <= len(sides.pairs) else "",
     )
     return visit.page("comparison.html.j2", page=page)
+
+
+def _chosen(visit: Visit, first: int) -> dict[int, int]:
+    """Returns the trial that the address names, by the pairs that show it: its `pair`, else all of the page."""
+    trial, pair = visit.parameter("trial"), visit.parameter("pair")
+    if not _is_number(trial):
+        return {}
+    pairs = [int(pair)] if _is_number(pair) else range(first, first + _PAGE_LENGTH)
+    return dict.fromkeys(pairs, int(trial))
+
+
+def _is_number(text: str) -> bool:
+    return text.isascii() and text.isdecimal() and len(text) < 9  # no job has more trials
 
 
 def _seen(visit: Visit, sides: Sides, first: int) -> list[JobRecord]:
@@ -105,7 +124,7 @@ def _record_path(name: str, visit: Visit) -> Path:
 
 def _number(visit: Visit, name: str, most: int, *, least: int = 0) -> int:
     given = visit.parameter(name)
-    if not (given.isascii() and given.isdecimal() and len(given) < 9 and least <= int(given) <= most):
+    if not (_is_number(given) and least <= int(given) <= most):
         raise InvalidParameterException(f"{name} is {given!r}; a whole number from {least} to {most} would be right")
     return int(given)
 

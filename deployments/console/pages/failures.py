@@ -1,9 +1,9 @@
 """Failures of the newest jobs, grouped by their reasons under the names of specifications."""
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cache
+from datetime import datetime
 from urllib.parse import urlencode
 
 from starlette.responses import Response
@@ -14,19 +14,20 @@ from ....tasks.catalog import Resource
 from ....tasks.comparison.compared_runs import TRIALS
 from ..job_states import JOB, JobLine, job_line, named_in_run
 from ..rendering import HOME
-from ..runs import record_of
+from ..run_records import JobsInRuns, RecordOf, record_of, run_name
 from ..visit import Visit
 
 _LOOKED_AT = 200
 """Number of the newest jobs that are searched for failures."""
 
-_NO_SPECIFICATION = "No specification"
-_TIME_IN_RUN = re.compile(r"-\d{8}T\d+$")
+NO_RUN = "Ordered without a specification"
+"""Heading of the failures of jobs that SDKs and other programs ordered."""
+
+_TRIALS_FAILED = "trials did not pass"
+"""Reason of a job of which only that is known, and not what its trials missed."""
+
 _MISSED = re.compile(r"(?:^|; )([A-Za-z0-9_-]+): ")
 """Names of missed requirements in a verdict's reason: `quick: ended at 12 s; soft: 9 N`."""
-
-
-RecordOf = Callable[[str], RunRecord | None]
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,18 @@ class FailureGroup:
     """Owner, last day and reason if the failure is known; else empty."""
     jobs: tuple[JobLine, ...]
     """Jobs that failed so, the newest first."""
+    current: int
+    """Number of the jobs that are of no run before the specification's newest one."""
+
+    @property
+    def is_past(self) -> bool:
+        """Whether the newest run of the specification has no such failure any more."""
+        return self.current == 0
+
+    @property
+    def is_without_run(self) -> bool:
+        """Whether the jobs were ordered by SDKs or other programs, so that no run has a record of them."""
+        return self.specification == NO_RUN
 
     @property
     def newest(self) -> JobLine:
@@ -65,7 +78,7 @@ def failure_groups(visit: Visit, record_of_run: RecordOf | None = None) -> list[
         The groups, by the time of the newest failure of their specifications and then of their own.
     """
     page = visit.service.catalog.list(JOB, limit=_LOOKED_AT, members=JobInBrief.members())
-    return grouped(visit.seen(page.resources), cache(record_of_run or (lambda run_id: record_of(run_id, visit))))
+    return grouped(visit.seen(page.resources), record_of_run or (lambda run_id: record_of(run_id, visit)))
 
 
 def grouped(jobs: Iterable[Resource], record_of_run: RecordOf) -> list[FailureGroup]:
@@ -75,26 +88,35 @@ def grouped(jobs: Iterable[Resource], record_of_run: RecordOf) -> list[FailureGr
         jobs: Jobs, the newest first; those that did not fail are left out.
         record_of_run: Returns the record of a run by its id; `None` while it goes on, or where there is none.
     """
-    found: dict[str, dict[tuple[str, str], list[JobLine]]] = {}
-    by_run: dict[str, Mapping[str, JobRecord]] = {}
-    for job in jobs:
+    in_runs = JobsInRuns(record_of_run)
+    listed = [(job, JobInBrief.of(job).spec_run or "") for job in jobs]
+    records = {run_id: in_runs.record_of(run_id) for _, run_id in listed if run_id}
+    newest = _newest_nights(record for record in records.values() if record is not None)
+    found: dict[str, dict[tuple[str, str], list[tuple[JobLine, bool]]]] = {}
+    for job, run_id in listed:
         line = job_line(job)
         if not line.is_failure:
             continue
-        run_id = JobInBrief.of(job).spec_run or ""
-        record = record_of_run(run_id) if run_id else None
-        if run_id not in by_run:
-            by_run[run_id] = {} if record is None else {each.arn: each for each in record.jobs if each.arn}
-        short = by_run[run_id].get(job.arn)
-        name = record.name if record is not None else _TIME_IN_RUN.sub("", run_id) or _NO_SPECIFICATION
+        record, short = records.get(run_id), in_runs.find(job.arn, run_id)
+        name = run_name(run_id, record) or NO_RUN
         known = short.known if short is not None else ""
+        is_past = record is not None and record.name in newest and record.started_at < newest[record.name]
         reason = reason_of(line, job, short)
-        found.setdefault(name, {}).setdefault((reason, known), []).append(named_in_run(line, short))
+        found.setdefault(name, {}).setdefault((reason, known), []).append((named_in_run(line, short), is_past))
     return [
-        FailureGroup(name, reason, known, tuple(lines))
+        FailureGroup(name, reason, known, tuple(line for line, _ in lines), sum(not past for _, past in lines))
         for name, groups in found.items()
         for (reason, known), lines in groups.items()
     ]
+
+
+def _newest_nights(records: Iterable[RunRecord]) -> dict[str, datetime]:
+    """Returns when the newest run of each specification began; a rerun, which has some of the jobs, is none."""
+    found: dict[str, datetime] = {}
+    for record in records:
+        if record.rerun_of is None:
+            found[record.name] = max(record.started_at, found.get(record.name, record.started_at))
+    return found
 
 
 def reason_of(line: JobLine, job: Resource, record: JobRecord | None) -> str:
@@ -109,6 +131,8 @@ def reason_of(line: JobLine, job: Resource, record: JobRecord | None) -> str:
     if job.status == "Failed":
         return brief.failure_code or line.reason or job.status
     names = _missed(record) if record is not None else _MISSED.findall(brief.verdict_reason or "")
+    if names == [TRIALS]:
+        return _TRIALS_FAILED
     return ", ".join(dict.fromkeys(name.replace("_", " ") for name in names)) or line.reason or line.look.value
 
 

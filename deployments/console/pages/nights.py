@@ -15,7 +15,8 @@ from ....tasks.comparison.history import history_of
 from ....tasks.inspection.run_records import find_records, names_of_specifications
 from ....tasks.reporting import HistoryPage, view_history
 from ..rendering import HOME
-from ..runs import names_of_seen, sees_run
+from ..run_records import sees_run
+from ..runs import names_of_seen
 from ..visit import Visit
 
 _MOST_NIGHTS = 60

@@ -9,7 +9,6 @@ from typing import Any
 from starlette.responses import HTMLResponse, Response
 
 from ....schemas.documents.worlds import WorldDocument, WorldGenerationJobDocument, WorldTemplateDocument
-from ....schemas.reports.names import unique_world_names
 from ....schemas.wire.errors import ObjectNotFoundError
 from ....tasks.catalog import Resource
 from ....tasks.inspection.reports import report_of_world
@@ -158,8 +157,8 @@ def send_preview(visit: Visit) -> Response:
 
 
 def _names(worlds: Sequence[Resource], visit: Visit) -> dict[str, str]:
-    """Returns names of worlds that no two of the page share."""
-    return unique_world_names(names_of_worlds((world.arn for world in worlds), visit.service))
+    """Returns the names of worlds by ARN; beside each stands its id, which tells worlds of one name apart."""
+    return names_of_worlds((world.arn for world in worlds), visit.service)
 
 
 def _listed(visit: Visit, filters: dict[str, list[str]]) -> tuple[Sequence[Resource], str | None]:

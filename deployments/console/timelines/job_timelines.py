@@ -34,8 +34,8 @@ from .margin_drawings import MarginDrawing, draw_margins
 from .recorded_poses import ODOMETRY, SLACK_S, Pose, RecordedPoses, fits, read_poses, thinned
 from .run_marks import Mark, first_violation, marks_of
 
-VIDEOS = ("last-10s.mp4", "video.mp4")
-"""File names of a run's videos, the one that shows the end first."""
+VIDEOS = ("video.mp4", "last-10s.mp4")
+"""File names of a run's videos, the one that shows most first: only this one is played."""
 _RECORDING = "recording.mcap"
 RUNS_ON = "The time line comes when the job has ended: only then its recording is complete."
 """Sentence for the page of a job that has not ended."""
@@ -204,10 +204,8 @@ def _in_step(name: str, recorded: RunTimeline | None, result: RunResult | None) 
 def _out_of_step(
     videos: Sequence[str], in_step: Mapping[str, FilmTimes], recorded: RunTimeline | None
 ) -> Iterator[str]:
-    """Yields a sentence about each video that does not follow; a wrong moment would be worse than none."""
-    if not videos:
-        yield "There is no video."
-    for name in videos:
+    """Yields a sentence if the video that is played does not follow; a wrong moment would be worse than none."""
+    for name in videos[:1]:
         times = None if recorded is None else recorded.videos.get(name)
         if times is None:
             yield f"{name} does not follow: its simulated times are not recorded."

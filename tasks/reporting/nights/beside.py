@@ -19,6 +19,7 @@ from ..drawings.svg_writing import Frame
 from ..drawings.two_paths import Goal, Miss, Way, draw_bare_paths, draw_two_paths
 from ..outcomes import Outcome
 from ..worlds import read_world
+from .trials_beside import TrialsBeside
 
 _WHOLE, _CLIP = "video.mp4", "last-10s.mp4"
 _TRIALS = "trials"
@@ -42,6 +43,10 @@ class Drive:
     """Description of the world that is stored for it; `None`: it drove in none, or that is gone."""
     world_content: str = ""
     """Digest of that world's content."""
+    trial: int | None = None
+    """Number of the trial whose result and videos these are; `None`: they are the job's own."""
+    folder: str = ""
+    """Folder of the trial's files within the job's outputs, with a slash; empty for the job itself."""
     trouble: str = ""
     """Reason why the job or its world cannot be read, as a sentence; empty: they can, or there is no world."""
 
@@ -109,6 +114,8 @@ class PairView:
     """A card with two jobs side by side."""
 
     anchor: str
+    number: int
+    """Number of the pair on the page, from 1."""
     title: str
     before: SideView
     after: SideView
@@ -122,6 +129,10 @@ class PairView:
     """Whether the jobs have trials: these decide, and neither a margin nor a single requirement."""
     end_s: float
     """Simulated time at which the longer of both ends, in seconds; 0: nothing can be played."""
+    trials: TrialsBeside | None = None
+    """Trials that can be chosen; `None`: the jobs have none, or recorded none."""
+    trial: int | None = None
+    """Number of the trial whose paths and videos are shown; `None`: those of the jobs are."""
 
     @property
     def sides(self) -> tuple[SideView, SideView]:
@@ -144,6 +155,7 @@ class PairPainter:
         title: str,
         rows: Sequence[RequirementBeside],
         drives: tuple[Drive, Drive],
+        trials: TrialsBeside | None = None,
     ) -> PairView:
         """Makes the card of a pair.
 
@@ -152,19 +164,23 @@ class PairPainter:
             jobs: Both jobs, the first one first.
             title: Name of the job.
             rows: The requirements of both.
-            drives: Everything that the two jobs left.
+            drives: Everything that the two jobs left, or one trial of each.
+            trials: Trials that can be chosen; `None`: there are none.
         """
         before, after = (self._side(letter, job, drive) for letter, job, drive in zip("AB", jobs, drives, strict=True))
         drawing, note = self._plan(jobs, drives, title)
         of_trials = any(_has_trials(job) for job in jobs)
         return PairView(
             anchor=f"pair-{number}",
+            number=number,
             title=title,
             before=before,
             after=after,
             has_changed=before.outcome is not after.outcome and not before.not_run and not after.not_run,
             rows=[RowView(row, *(_outcome_of(each, of_trials) for each in (row.before, row.after))) for row in rows],
             of_trials=of_trials,
+            trials=trials,
+            trial=next((drive.trial for drive in drives if drive.trial is not None), None),
             plan=drawing,
             note=note,
             end_s=max((_end_of(drive.result) for drive in drives), default=0.0) if drawing or before.film or after.film
@@ -182,11 +198,12 @@ class PairPainter:
 
     def _film(self, job: JobRecord, drive: Drive, outcome: Outcome) -> tuple[Film | None, str]:
         files = {file.name: file for file in drive.files}
-        name = next((name for name in (_WHOLE, _CLIP) if name in files), "")
+        name = next((name for name in (_WHOLE, _CLIP) if drive.folder + name in files), "")
         if not name:
             return None, drive.trouble or _why_no_video(drive, outcome)
-        if not (link := self.video_link(job, files[name])):
-            return None, f"Its video is not on this machine: {files[name].uri}"
+        file = files[drive.folder + name]
+        if not (link := self.video_link(job, file)):
+            return None, f"Its video is not on this machine: {file.uri}"
         return Film(link, name, drive.films_begin_s.get(name)), ""
 
     def _plan(
@@ -198,7 +215,11 @@ class PairPainter:
         generated world only the paths are drawn.
         """
         ways = [
-            Way(letter, drive.result, _first_miss(job))
+            Way(
+                letter,
+                drive.result,
+                _first_miss(job.requirements if drive.trial is None else drive.result.requirements),
+            )
             for letter, job, drive in zip("AB", jobs, drives, strict=True)
             if drive.result is not None and drive.result.path
         ]
@@ -272,8 +293,13 @@ def _missing_paths(jobs: Sequence[JobRecord], drives: Sequence[Drive]) -> str:
     for letter, job, drive in zip("AB", jobs, drives, strict=True):
         if drive.result is not None and drive.result.path:
             continue
-        if _has_trials(job):
-            told.append(f"{letter} has trials, whose paths are not drawn.")
+        if drive.trial is not None and not drive.files:
+            told.append(
+                f"{letter} did not record trial {drive.trial}: `robomaker repro {job.label} --trial {drive.trial}` "
+                f"runs it again."
+            )
+        elif _has_trials(job) and drive.trial is None:
+            told.append(f"{letter} has trials, and recorded none of them.")
         else:
             told.append(drive.trouble or f"{letter} left no path.")
     return " ".join(dict.fromkeys(told))
@@ -290,6 +316,8 @@ def _why_no_world(drives: Sequence[Drive]) -> str:
 
 
 def _why_no_video(drive: Drive, outcome: Outcome) -> str:
+    if drive.trial is not None:
+        return f"There is no video of trial {drive.trial}{'' if drive.files else ': it was not recorded'}."
     if drive.result is not None and (problem := drive.result.extra.get("video_error")):
         return f"No video: {outcomes.plain(str(problem))}."
     if drive.video_policy == "on-failure" and not outcome.is_failure:
@@ -307,18 +335,18 @@ def _end_of(result: RunResult | None) -> float:
     return max(result.sim_time_s, result.path[-1][0] if result.path else 0.0)
 
 
-def _missed_first(job: JobRecord) -> tuple[float, Requirement] | None:
-    """Returns the simulated time (s) at which a job first missed a requirement, and that one; else `None`."""
+def _missed_first(requirements: Sequence[Requirement]) -> tuple[float, Requirement] | None:
+    """Returns the simulated time (s) at which one of some requirements was missed first, and that one; else `None`."""
     times = [
         (item.first_violation_s, item)
-        for item in job.requirements
+        for item in requirements
         if item.counts and not item.satisfied and item.error is None and item.first_violation_s is not None
     ]
     return min(times, key=lambda each: (each[0], each[1].name), default=None)
 
 
-def _first_miss(job: JobRecord) -> Miss | None:
-    found = _missed_first(job)
+def _first_miss(requirements: Sequence[Requirement]) -> Miss | None:
+    found = _missed_first(requirements)
     return Miss(found[1].name.replace("_", " "), found[0]) if found else None
 
 
@@ -329,7 +357,7 @@ def _first_miss_in_words(job: JobRecord, outcome: Outcome) -> str:
     if not missed:
         judged = outcome in (Outcome.PASSED, Outcome.FAILED)
         return "missed none of its requirements" if judged and job.requirements else "was not judged"
-    first = _missed_first(job)
+    first = _missed_first(job.requirements)
     if first is None:
         names = ", ".join(item.name.replace("_", " ") for item in missed)
         return f"missed {names}"

@@ -73,6 +73,8 @@ class ComparisonPage:
     """Function that returns the URL of a job's page by the job's id; empty where there is none."""
     run_link: Callable[[str], str] = field(default=lambda _: "")
     """Function that returns the URL of a run's page by the run's id; empty where there is none."""
+    trial_link: Callable[[int, int], str] = field(default=lambda *_: "")
+    """Function that returns the URL of this page with a trial chosen, by numbers of pair and trial; else empty."""
 
     @property
     def sides(self) -> tuple[ComparedSide, ComparedSide]:

@@ -10,7 +10,7 @@ from helpers.night_records import make_job, make_night, store_night
 
 from prefect_robomaker.deployments.console import overview
 from prefect_robomaker.deployments.console.batch_caches import BatchBriefs
-from prefect_robomaker.deployments.console.runs import SeenRecords
+from prefect_robomaker.deployments.console.run_records import SeenRecords
 from prefect_robomaker.deployments.console.visit import Visit
 from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
 from prefect_robomaker.schemas.reports.run_record import RunRecord, StepRecord

@@ -1,6 +1,7 @@
 """Starting a run from the console: what is checked, who may, and what is ordered."""
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -270,8 +271,13 @@ def test_a_run_is_ordered_with_the_values_of_the_form(enter: Enter, runs: Any) -
 def test_nothing_is_ordered_with_wrong_values(enter: Enter, runs: Any, fields: dict[str, str], problem: str) -> None:
     answer = enter().send("/runs/new", **{"text": WITH_PARAMETERS, **fields}, do="start")
     assert answer.status_code == 400
-    assert problem.replace("&#39;0&#39;", "0") in answer.text
+    said = problem.replace("&#39;0&#39;", "0")
+    assert said in answer.text
     assert runs.orders == []
+    [name] = re.findall(r'aria-invalid="true" aria-describedby="refused-(\w+)"', answer.text)
+    assert said in re.findall(rf'id="refused-{name}">([^<]*)<', answer.text)[0], "beside its field"
+    assert f'href="#parameter-{name}"' in answer.text
+    assert "Allowed: a whole number, at least 1" in answer.text
 
 
 def test_values_outlast_a_text_that_cannot_be_read_for_a_moment(enter: Enter) -> None:

@@ -6,6 +6,7 @@ from typing import Any
 
 from helpers.night_records import make_job, make_night, store_night
 
+from prefect_robomaker.schemas.reports.run_record import StepRecord
 from prefect_robomaker.schemas.runs.plan import Requirement
 from prefect_robomaker.tasks.service.service import Service
 
@@ -89,7 +90,7 @@ def test_a_job_with_trials_is_grouped_by_what_its_trials_missed(
         for index, (each, own) in enumerate(zip(ids, missed, strict=True))
     ]
     store_night(make_night(jobs, runs=service.settings.home / "runs"))
-    assert sorted(rows(browser.get("/console").text)) == [("soft", 1), ("soft, quick", 1), ("trials", 1)]
+    assert sorted(rows(browser.get("/console").text)) == [("soft", 1), ("soft, quick", 1), ("trials did not pass", 1)]
 
 
 def test_jobs_have_the_names_that_their_run_gave_them(
@@ -122,3 +123,58 @@ def test_the_page_of_a_run_and_of_a_job_says_what_is_known(
     assert known in apart
     assert KNOWN in apart
     assert "badge failed" not in apart
+
+
+def test_jobs_that_no_run_has_say_what_they_are(browser: Any, store_job: Callable[..., str]) -> None:
+    store_job(verdict="FAIL", verdict_reason="trials: 2 of 4 trials did not pass: 1 and 3")
+    page = browser.get("/console").text
+    assert ">Ordered without a specification</h3>" in page
+    assert "An SDK or another program ordered these jobs, so they belong to no run." in page
+    assert rows(page) == [("trials did not pass", 1)]
+
+
+def test_the_first_page_says_what_needs_somebody_now(
+    browser: Any, service: Service, store_job: Callable[..., str]
+) -> None:
+    """What the newest run of a specification has no more stands below; so the first page is not red of old runs."""
+    runs = service.settings.home / "runs"
+    for night, letter in enumerate("FP"):
+        run_id = make_night(letter, night).run_id
+        job = store_job(verdict="FAIL" if letter == "F" else "PASS", verdict_reason="gentle: 9 N", spec_run=run_id)
+        record = make_job(0, letter, night=night).model_copy(
+            update={"label": job, "arn": service.arn("simulation-job", job)}
+        )
+        store_night(make_night([record], night, runs=runs))
+    page = browser.get("/console").text
+    now, _, past = page.partition('id="past-failures"')
+    assert rows(now) == []
+    assert "None of the newest jobs failed" in now
+    assert rows(past) == [("gentle", 1)]
+    assert "Since the run before: 1 job newly passing." in page
+    newest, before = (make_night("P", night).run_id for night in (1, 0))
+    assert f'href="/console/runs/{newest}#since-title"' in page
+    assert f'href="/console/compare?before={before}&amp;after={newest}"' in page
+
+
+def test_a_batch_looks_as_its_run_does_and_has_its_name(
+    browser: Any, service: Service, store_job: Callable[..., str], store_batch: Callable[..., str]
+) -> None:
+    night = make_night("F")
+    batch = store_batch(1, status="Completed", verdicts={"FAIL": 1}, spec_run=night.run_id)
+    job = store_job(verdict="FAIL", batch=batch, request_index=0, spec_run=night.run_id)
+    record = make_job(0, "F").model_copy(update={"label": job, "arn": service.arn("simulation-job", job)})
+    pages = ("/console/batches", f"/console/batches/{batch.rpartition('/')[2]}")
+    step = StepRecord(name="drive", operation="StartSimulationJobBatch", status="Completed", arn=batch)
+    run = make_night([record], runs=service.settings.home / "runs").model_copy(update={"steps": [step]})
+    path = store_night(run)
+    for known in ("", KNOWN):
+        told = run.model_copy(update={"jobs": [record.model_copy(update={"known": known})]})
+        (path / "run.json").write_text(told.model_dump_json())
+        for page in (browser.get(path).text for path in pages):
+            assert ("badge failed" in page) == (not known)
+            assert ("</svg>succeeded</span>" in page) == bool(known)
+            assert "drive of nightly" in page
+    tile = browser.get(pages[1]).text.partition('class="strip"')[2]
+    assert 'class="tile known"' in tile
+    assert "badge failed" not in browser.get(f"/console/jobs/{job}").text
+    assert "badge failed" not in browser.get("/console/jobs").text

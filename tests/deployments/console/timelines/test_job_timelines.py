@@ -79,7 +79,9 @@ def test_a_page_has_poses_marks_margins_and_times_of_lines_and_videos(
     assert "Jump to the first violation" in page
     assert '<span data-t="0.0">first\n</span><span data-t="12.5">touch\n</span><span>last\n</span>' in page
     assert 'data-begins="0.0" data-rate="10.0" data-frames="401"' in page
-    assert 'data-begins="30.0" data-rate="10.0" data-frames="101"' in page
+    assert page.count("<video") == 1, "the whole run is played, and the clip of its end is a link"
+    assert f'the last ten seconds alone: <a href="/console/jobs/{job}/files/last-10s.mp4">' in page
+    assert 'class="too-early"' not in page
     assert json.loads(unescape(re.findall(r'data-samples="([^"]*)"', page)[0])) == [[0.0, 5.0], [12.5, -7.0]]
     sent = browser.get(f"/console/jobs/{job}/timeline").json()
     assert sent["missing"] == []
@@ -89,20 +91,38 @@ def test_a_page_has_poses_marks_margins_and_times_of_lines_and_videos(
     assert "style=" not in page.partition('id="timeline"')[2].partition("</section>")[0], "the policy allows none"
 
 
-def test_plan_and_video_stand_right_under_the_slider(browser: Any, store_job: Callable[..., str]) -> None:
+def test_plan_and_video_stand_right_above_the_slider_and_the_result_has_no_empty_half(
+    browser: Any, store_job: Callable[..., str]
+) -> None:
     job = store_job(verdict="FAIL", files=outputs(video_mp4=b"film") | {"logs/stdout.log": b"first\ntouch\nlast\n"})
     page = browser.get(f"/console/jobs/{job}").text
     parts = (
-        'id="moment"',
         'class="plan',
         "<video",
+        'id="moment"',
         'class="moment-list"',
         'class="margins"',
-        'id="result-title"',
         'id="log-1"',
+        'id="result-title"',
     )
     assert [page.count(each) for each in parts] == [1] * len(parts)
     assert sorted(parts, key=page.index) == list(parts)
+    assert 'class="pictures"' not in page, "the plan is beside the video"
+
+
+def test_a_clip_of_the_end_says_why_it_is_dim_and_a_job_without_video_how_to_get_one(
+    browser: Any, store_job: Callable[..., str]
+) -> None:
+    clip = outputs() | {"last-10s.mp4": b"film"}
+    job = store_job(verdict="FAIL", files=clip)
+    page = browser.get(f"/console/jobs/{job}").text
+    assert "This video begins at 30.00 s. It is dim while an earlier moment is chosen." in page
+    none = {policy: store_job(verdict="FAIL", files=outputs() | {"provenance.json": b"{}"}, video=policy)
+            for policy in ("none", "on-failure")}  # fmt: skip
+    asked = browser.get(f"/console/jobs/{none['none']}").text
+    assert "There is no video: the request asks for none. <code>video: always</code> in the request" in asked
+    assert f"<code>robomaker repro {none['none']}</code>" in asked.partition('id="video"')[2].partition("</section>")[0]
+    assert "There is no video: none is stored." in browser.get(f"/console/jobs/{none['on-failure']}").text
 
 
 @pytest.mark.deep
@@ -132,8 +152,8 @@ def test_what_is_missing_is_said_and_the_rest_is_there(browser: Any, store_job: 
     bare = store_job(verdict="FAIL", files=outputs(timeline=None))
     page = browser.get(f"/console/jobs/{bare}").text
     assert [each.partition(":")[0].partition(",")[0] for each in gaps(page)] == [
-        "There are no margins", "There is no video.",
-    ]  # fmt: skip
+        "There are no margins",
+    ]
     assert "robot touches chair_3" in page
     sent = browser.get(f"/console/jobs/{bare}/timeline").json()
     assert sent["missing"] == ["There is no recording. The plan has the places of result.json, without headings."]
@@ -222,6 +242,7 @@ def test_a_recorded_trial_has_lines_of_its_own_log_and_a_link_from_its_row(
     page = browser.get(f"/console/jobs/{job}?trial=2").text
     assert '<span data-t="0.0">first\n</span><span data-t="12.5">touch\n</span><span>last\n</span>' in page
     assert "all of the job" not in page
+    assert page.count('class="plan') == 1, "the plan of the trial that is shown is enough"
     assert not any("log does not follow" in each for each in gaps(page))
     assert '<a href="?trial=2#timeline-title">2</a>' in page
     other = browser.get(f"/console/jobs/{job}?trial=1").text

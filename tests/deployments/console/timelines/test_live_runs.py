@@ -9,7 +9,7 @@ from helpers.browser import NEEDS_BROWSER, browsing
 from helpers.console_pages import check_rules
 from helpers.endpoint_here import ServeHere
 
-from prefect_robomaker.deployments.console.live_runs import drive_in
+from prefect_robomaker.deployments.console.timelines.live_runs import drive_in
 from prefect_robomaker.tasks.runtime.episode.progress import PATH_FILE
 from prefect_robomaker.tasks.service.service import Service
 
@@ -52,7 +52,7 @@ def looked(browser: Any, service: Service, monkeypatch: pytest.MonkeyPatch) -> A
         monkeypatch.setattr(service.catalog, "get", get)
         return parts_of(browser.get(f"/console/jobs/{job}/live").text)
 
-    from prefect_robomaker.deployments.console import live_runs
+    from prefect_robomaker.deployments.console.timelines import live_runs
 
     def known(*words: Any) -> Any:  # it asks the same catalog
         with monkeypatch.context() as context:
