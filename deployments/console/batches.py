@@ -17,11 +17,7 @@ from ...schemas.lifecycles import is_terminal
 from ...schemas.reports.names import with_id
 from ...schemas.reports.report import Share
 from ...schemas.reports.run_record import RunRecord
-from ...schemas.reports.run_states import run_state
-from ...schemas.wire.errors import ConfigurationError
-from ...schemas.reports.run_record import RunRecord
 from ...tasks.catalog import Resource
-from ...tasks.inspection.run_records import RECORD_NAME, read_record
 from ...tasks.jobs.job_owners import standing_of
 from ...tasks.reporting.outcomes import times_by_part
 from .batch_caches import Known
@@ -342,18 +338,3 @@ def _parts_of(view: BatchView, visit: Visit) -> dict[str, Any]:
         "more_failures": len(failures) - _MOST_SHOWN,
         "posters": visit.context.posters.of(failures[:_MOST_POSTERS]),
     }
-
-
-@lru_cache(maxsize=256)
-def record_at(path: Path, changed_at: int) -> RunRecord | None:
-    """Reads a run's record, cached until its file changes; `None` if it cannot be read.
-
-    Args:
-        path: Path of the record.
-        changed_at: Time of the file's last change, in nanoseconds.
-    """
-    del changed_at
-    try:
-        return read_record(path)
-    except (ConfigurationError, OSError):
-        return None

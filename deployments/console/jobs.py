@@ -24,7 +24,7 @@ from ...tasks.reporting import view_report
 from ...tasks.reporting.drawings.plan import draw_bare_path, draw_job_plan
 from ...tasks.reporting.drawings.svg_writing import Frame
 from ...tasks.reporting.drawings.trajectory import finite_path
-from ...tasks.reporting.outcomes import plain, times_by_part
+from ...tasks.reporting.outcomes import plain, times_by_part, times_with_videos
 from ...tasks.reporting.report_view import Page
 from ...tasks.simulations.outputs.upload_files import visit_matches
 from ..endpoint.origins import is_loopback
@@ -90,6 +90,9 @@ def show(visit: Visit) -> Response:
         )
     drive = card if card is not None and timeline is not None and timeline.trial is None and timeline.end_s else None
     trial_plan = _trial_plan(view, timeline)
+    names: dict[str, str] = dict(
+        zip(("simulation", "videos of failures"), times_with_videos([document.request]), strict=True)
+    )
     if card is not None and (trial_plan or (drive is not None and drive.plan)):  # it stands beside the video
         card = replace(card, plan=None, plan_note="")
     return visit.page(

@@ -105,6 +105,6 @@ def _environment() -> jinja2.Environment:
     folders = (folder for part in _OF_WINGS for folder in part.TEMPLATES)
     environment = page_environment(_FOLDER / "templates", *folders)
     environment.auto_reload = False  # or each part of a page is looked for on the disk, each time
-    environment.filters.update(ago=ago, size=outcomes.size, tag=tag_in_words, since_briefly=since_briefly)
+    environment.filters.update(ago=ago, size=outcomes.size, since_briefly=since_briefly)
     environment.globals.update(HOME=HOME, MENU=MENU, address=address, asset_address=asset_address)
     return environment

@@ -21,7 +21,7 @@ from ...tasks.comparison.side_by_side import axes_of
 from ...tasks.inspection.run_records import RECORD_NAME, ids_of_runs, is_night, read_record, since_last
 from ...tasks.reporting import classify, view_why
 from ..spec_runs.spec_runs import Standing
-from .batches import batches_of_run, record_at
+from .batches import batches_of_run
 from .rendering import HOME
 from .run_records import is_known, place_of, read_kept, record_of, run_name, sees_run
 from .visit import Visit
@@ -144,8 +144,7 @@ def names_of_seen(visit: Visit) -> list[str]:
 
 def _latest(visit: Visit, most: int) -> list[RunRecord]:
     paths = (visit.service.settings.home / "runs").glob(f"*/{RECORD_NAME}")
-    # The name of a run's folder ends with when it began.
-    newest = sorted(paths, key=lambda path: path.parent.name.rpartition("-")[2], reverse=True)[:_MOST_LOOKED_AT]
+    newest = newest_first(paths)[:_MOST_LOOKED_AT]
     records = (record for path in newest if (record := read_kept(path, path.stat().st_mtime_ns)) is not None)
     return list(islice((record for record in records if sees_run(visit, record)), most))
 

@@ -20,7 +20,7 @@ from ...schemas.runs.plan import RunResult
 from ...schemas.runs.programs import ApplicationRole
 from ...schemas.runs.provenance import PROVENANCE_FILE
 from ...schemas.runs.requirements import REQUIREMENTS_VARIABLE
-from ...schemas.runs.trial_rows import TRIALS_FILE, trial_folder
+from ...schemas.runs.trial_rows import TRIALS_FILE, TrialsSummary, trial_folder
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.errors import InvalidParameterException, ObjectNotFoundError, StorageError
 from ...schemas.wire.json_values import is_mapping

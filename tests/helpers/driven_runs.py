@@ -12,8 +12,8 @@ from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDoc
 from prefect_robomaker.schemas.documents.worlds import StoredPlace, WorldDocument
 from prefect_robomaker.schemas.reports.run_record import JobRecord, RunRecord
 from prefect_robomaker.schemas.runs.plan import Requirement, RunResult
-from prefect_robomaker.tasks.files.untrusted_folders import regular_files
 from prefect_robomaker.schemas.runs.trial_rows import trial_folder
+from prefect_robomaker.tasks.files.untrusted_folders import regular_files
 from prefect_robomaker.tasks.runtime.episode.run_timeline import FilmTimes, RunTimeline, write_timeline
 from prefect_robomaker.tasks.runtime.video.video import VideoWriter
 from prefect_robomaker.tasks.service.service import Service

@@ -9,11 +9,10 @@ from markupsafe import Markup
 from ....schemas.documents.simulation_jobs import SimulationJobDocument
 from ....schemas.wire.errors import RobomakerError
 from ....schemas.wire.globs import Glob
-from ...tasks.files.untrusted_files import open_left
+from ....tasks.files.untrusted_files import open_left
 from ....tasks.inspection.reports import report_of_world
 from ....tasks.reporting import WorldView, draw_drive, draw_open_plan, view_worlds
 from ....tasks.runtime.episode.progress import PATH_FILE, points_of
-from ....tasks.runtime.limits.left_files import open_left
 from ....tasks.runtime.video.video_settings import LIVE_VIEW_FILE
 from ....tasks.service.service import Service
 from ....tasks.simulations.outputs.upload_files import visit_matches

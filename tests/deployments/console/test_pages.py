@@ -16,7 +16,7 @@ from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
 from prefect_robomaker.schemas.reports.challenge import Challenge, ChallengedJob, SabotageResult
 from prefect_robomaker.schemas.reports.live_comparison import AgainstAnswer
 from prefect_robomaker.schemas.reports.names import name_label
-from prefect_robomaker.schemas.reports.run_record import RerunOf, StepRecord
+from prefect_robomaker.schemas.reports.run_record import RerunOf
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.causes.explanation import explain
