@@ -121,6 +121,11 @@ class JobRecord(Model):
     rooms_visited: int | None = optional("Rooms the robot was in.")
     rooms_total: int | None = optional("Rooms of the world.")
     duration_s: float | None = optional("Wall-clock time of the run.")
+    ended_by: str | None = optional("Cause of the simulation's end, from `result.json`; absent: it has no result.")
+    state_digest: str | None = optional(
+        "Digest of all states that the simulation went through; absent: it has none, or an early release wrote the "
+        "record."
+    )
     verdict_reason: str | None = optional("Why the verdict is FAIL: what was found and what was asked for.")
     unnamed_failure: bool = Field(
         default=False,

@@ -29,7 +29,8 @@ def axis_effects(results: ResultTable, states: Sequence[str | None] | None = Non
 
     Args:
         results: The run's table of results.
-        states: Digest of all states of each row; None: those of the table, which has none of jobs without trials.
+        states: Digest of all states of each row; None: those of the table; of early releases it has none of
+            jobs without trials.
     """
     if not results.axes:
         return []

@@ -106,7 +106,8 @@ def evidence_of(results: ResultTable, states: Sequence[str | None] | None = None
 
     Args:
         results: The table.
-        states: Digest of all states of each row; None: those of the table, which has none of jobs without trials.
+        states: Digest of all states of each row; None: those of the table; of early releases it has none of
+            jobs without trials.
     """
     codes, outcomes = results.codes("outcome")
     wanted = [code for code, outcome in enumerate(outcomes) if outcome in ("passed", "failed")]

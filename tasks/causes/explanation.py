@@ -34,7 +34,8 @@ def explain(results: ResultTable, *, refused: str = "", states: Sequence[str | N
     Args:
         results: The run's table of results.
         refused: Why nothing may be claimed of this run; empty: it may.
-        states: Digest of all states of each row; None: those of the table, which has none of jobs without trials.
+        states: Digest of all states of each row; None: those of the table; of early releases it has none of
+            jobs without trials.
     """
     evidence = evidence_of(results, states)
     if not evidence.failed.any():

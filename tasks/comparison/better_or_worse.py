@@ -25,7 +25,7 @@ from .difference_test import JudgedTrials, mean_change, needed_pairs, rate_chang
 from .early_stops import answer_while_running
 from .failure_starts import appearances_of, changed_nights, changed_versions
 from .losses import losses_of, told_losses
-from .pairing import ENDED, PASSED, Pair, Pairing, TrialPairs, each_once, pair_jobs, pair_trials
+from .pairing import ENDED, PASSED, Pair, Pairing, TrialPairs, copies_in_words, each_once, pair_jobs, pair_trials
 from .requirement_changes import RequirementChanges, requirement_changes
 from .statistics.e_processes import fewest_worlds
 
@@ -75,7 +75,7 @@ def compare(
     ):
         answer, why = "not comparable", open_question
     if rate is not None and (repeated := len(shared) - len(fair)):
-        why += f"; {counted(repeated, 'pair')} with the same states as another one count with that one"
+        why += f"; {copies_in_words(repeated)}"
     ended = np.array([pair.is_told for pair in pairing.pairs], dtype=bool)
     # The same as the run's report.
     versions = changed_versions(before, after)

@@ -236,7 +236,7 @@ def _nights(nights: Sequence[Night], missed: Sequence[MissedNight]) -> list[str]
 
 
 def _points(share: float) -> str:
-    return f"{share * 100:+.1f}".replace("-", "−")
+    return f"{share * 100:+.1f}"
 
 
 def _signed(value: float) -> str:

@@ -4,6 +4,7 @@ The code is pure, and its memory use does not grow with the number of trials.
 """
 
 import hashlib
+import math
 from dataclasses import dataclass, field
 from typing import TypeVar
 
@@ -246,16 +247,14 @@ class _RequirementCount:
     met: int = 0
     kind: str | None = None
     worst: Requirement | None = field(default=None)
-    """The requirement with the smallest margin."""
+    """The requirement with the smallest margin: of those missed, once one is, as another's would seem to be met."""
 
     def take(self, requirement: Requirement) -> None:
         self.trials += 1
         self.counted += requirement.counts
         self.met += requirement.satisfied
         self.kind = requirement.kind
-        if requirement.margin is not None and (
-            self.worst is None or self.worst.margin is None or requirement.margin < self.worst.margin
-        ):
+        if self.worst is None or _badness(requirement) < _badness(self.worst):
             self.worst = requirement
 
     def requirement(self, name: str) -> Requirement:
@@ -274,6 +273,11 @@ class _RequirementCount:
             counts=False,
             **worst,
         )
+
+
+def _badness(requirement: Requirement) -> tuple[bool, float]:
+    """Returns the sort key of a requirement: missed ones first, by margin; those without a margin after the others."""
+    return requirement.satisfied, math.inf if requirement.margin is None else requirement.margin
 
 
 def _count(counts: dict[_Key, dict[str, int]], key: _Key, counted: str) -> None:

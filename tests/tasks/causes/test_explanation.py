@@ -375,6 +375,18 @@ def test_a_trial_that_could_not_fail_so_is_no_comparison(rows: list[Row]) -> Non
     )
 
 
+def test_a_trial_that_the_duration_limit_ended_was_not_cut_short_by_what_it_missed() -> None:
+    """A goal that is not reached is found missed at the end, also where the limit ended the trial."""
+    rows = two_stops(hides="end")
+    for row in rows:
+        if row["axes"]["STOP"] == "far":
+            row |= {"ended_by": "duration limit"}
+    why = explain(table_of(rows))
+    assert why is not None
+    [gentle] = [each for each in why.groups if each.requirement == "gentle"]
+    assert gentle.in_words.startswith("gentle, in Living: 32 trials; STOP = near: 32 of 32, elsewhere 0 of 32: ")
+
+
 def test_a_value_whose_trials_all_failed_otherwise_rules_nothing_out() -> None:
     """Half of the near trials pass, and none of the far ones, so that `gentle` cannot be compared there."""
     rows = two_stops(gentle_is_judged=False)

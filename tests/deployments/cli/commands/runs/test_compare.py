@@ -65,7 +65,7 @@ def test_a_margin_lets_a_gate_pass(robomaker: Any, nights: Any, before: str, aft
 def test_the_text_says_how_much_what_changed_and_what_is_needed(robomaker: Any, nights: Any) -> None:
     nights("PPPFE", "FPPPE", metrics={"distance_m": 2.0})
     out = robomaker("compare", FIRST, SECOND).out
-    assert "pass rate     75.0% → 75.0%, +0.0 points (95% interval −" in out
+    assert "pass rate     75.0% → 75.0%, +0.0 points (95% interval -" in out
     assert "more pairs" in out
     assert "to show a difference, of which there was none, of 10 points with a chance of 80%" in out
     assert "pairs         5 jobs of both runs, 1 without a verdict in one\n" in out
@@ -73,7 +73,7 @@ def test_the_text_says_how_much_what_changed_and_what_is_needed(robomaker: Any, 
     assert "newly passing 1\n    drive: world-4 scout, seed 7: failed → passed" in out
     assert "still failing 1\n    drive: world-5 scout, seed 7: broken → broken; RobotApplicationCrash" in out
     assert "metrics       0 changed, 1 show no change" in out
-    assert "(99.7% interval −" in robomaker("compare", FIRST, SECOND, "--alpha", "0.003").out
+    assert "(99.7% interval -" in robomaker("compare", FIRST, SECOND, "--alpha", "0.003").out
     asked = robomaker("compare", FIRST, SECOND, "--difference", "50").out
     assert "to show the difference asked for of 50 points" in asked
 
