@@ -15,9 +15,9 @@ from prefect_robomaker.tasks.reporting.nights.changes import requirement_in_word
     ("changed", "end"),
     [
         ({}, "the same; `robomaker flaky` tells whether it is chance"),
-        ({"robot": "robot 2"}, "the same, application scout is not"),
-        ({"request": "other"}, "the same, its request is not"),
-        ({"robot": "robot 2", "request": "other"}, "the same, application scout and its request are not"),
+        ({"robot": "robot 2"}, "the same, but application scout differs"),
+        ({"request": "other"}, "the same, but the request differs"),
+        ({"robot": "robot 2", "request": "other"}, "the same, but application scout and the request differ"),
     ],
 )
 def test_a_newly_missed_requirement_names_what_is_not_the_same(changed: dict[str, Any], end: str) -> None:
@@ -37,4 +37,4 @@ def test_another_version_of_a_package_is_named_before_chance() -> None:
     [compared] = compare(NightRun.of(before), NightRun.of(after)).requirements
     [told] = since_last_run([NightRun.of(before), NightRun.of(after)]).requirements
     for change in (compared, told):
-        assert requirement_in_words(change).endswith("world and seed are the same, mujoco is not")
+        assert requirement_in_words(change).endswith("world and seed are the same, but mujoco differs")
