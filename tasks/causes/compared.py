@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from ...schemas.reports.causes import NO_REQUIREMENT
 from ..results.table import ResultTable
-from .evidence import NO_REQUIREMENT, Evidence
+from .evidence import Evidence
 from .groups import Group
 
 _NEARLY_NONE = 0.1

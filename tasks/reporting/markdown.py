@@ -91,7 +91,7 @@ def _results(summary: ReportSummary, pages: ConsolePages) -> Iterator[str]:
 
 def _why(why: Why) -> Iterator[str]:
     """Yields the lines of a Markdown table of groups of failures, those with a claim first, cut after some groups."""
-    yield "| failure | trials | goes with | again |"
+    yield "| missed first | trials | goes with | again |"
     yield "| --- | ---: | --- | --- |"
     groups = sorted(why.groups, key=lambda each: not each.claims)
     for group in groups[:_MOST_GROUPS]:

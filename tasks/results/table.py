@@ -166,7 +166,9 @@ class ResultTable:
         return self._column(f"axis.{axis}").to_pylist()
 
     def texts(self, column: str) -> list[str | None]:
-        """Returns a text column; `None` for empty cells."""
+        """Returns a text column; `None` for empty cells or a missing column."""
+        if column not in self._all_names:
+            return [None] * len(self)
         return self._column(column).to_pylist()
 
     def job_names(self) -> list[str | None]:

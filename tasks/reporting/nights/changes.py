@@ -69,7 +69,9 @@ def requirement_in_words(change: RequirementChange) -> str:
     others = dict.fromkeys(_input_in_words(each) for place in change.places for each in place.changed)
     is_one = len(others) == 1 and "the requirements" not in others
     differs = f", but {' and '.join(others)} {'differs' if is_one else 'differ'}"
-    fact = differs if others else "; `robomaker flaky` tells whether it is chance"
+    # Jobs with trials are not run again by `flaky`.
+    tells = "verify" if any(place.trial is not None for place in change.places) else "flaky"
+    fact = differs if others else f"; `robomaker {tells}` tells whether it is chance"
     return f"{change.name}: {', '.join(told)}{f'; {same} the same{fact}' if _is_certain(change) else ''}"
 
 

@@ -194,7 +194,7 @@ class Tally:
 
     @property
     def _in_words(self) -> str:
-        """Text that says how many trials did not pass, and which: `3 of 100 trials did not pass: 4, 17 and 33`.
+        """Text that says how many trials did not pass, and which: `3 of 100 trials did not pass: trials 4, 17, 33`.
 
         It also says if trials have no verdict, or the job was stopped.
         """
@@ -204,7 +204,7 @@ class Tally:
         if bad:
             more = bad - _NAMED
             named = ", ".join(str(number) for number in self.first_failing[:_NAMED])
-            text += f": {named}{f' and {more} more' if more > 0 else ''}"
+            text += f": trial{'s' if bad > 1 else ''} {named}{f' and {more} more' if more > 0 else ''}"
         if (unjudged := self._counts.get("unjudged", 0)) and unjudged < self.rows:
             text += f"; {unjudged} of {self.rows} have no verdict"
         if not self.is_whole:

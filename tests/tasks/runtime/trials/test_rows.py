@@ -170,7 +170,9 @@ def test_the_summary_stays_small_however_many_trials_fail() -> None:
         tally.take(TrialRow(trial=number, seed=number, verdict="FAIL", reason="x" * 2000))
     result = tally.result("environment", 0, {}, [])
     assert len(result.extra["trials"]["failing"]) == MAX_FAILING
-    assert result.reason == "trials: 5000 of 5000 trials did not pass: 0, 1, 2, 3, 4, 5, 6, 7, 8, 9 and 4990 more"
+    assert (
+        result.reason == "trials: 5000 of 5000 trials did not pass: trials 0, 1, 2, 3, 4, 5, 6, 7, 8, 9 and 4990 more"
+    )
     assert len(result.model_dump_json()) < 100_000
 
 
