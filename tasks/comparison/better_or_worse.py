@@ -241,7 +241,7 @@ def _scope(judged: JudgedTrials, fair: TrialPairs) -> str:
     if not judged.is_of_few_worlds or not fair.has_worlds:
         return ""
     these = "this world" if judged.world_count == 1 else "these worlds"
-    return f", in {these}; other worlds were not tried"
+    return f"; it holds in {these}, as other worlds were not tried"
 
 
 def _tested(rate: RateChange, alpha: float) -> Answer:

@@ -172,7 +172,10 @@ def changed_lines(record: RunRecord) -> list[str]:
     if not is_night(record):
         return []
     since = since_last(NightRun.of(record), record.run_dir.parent)
-    return [*_changed_requirements(since), *losses_in_words(since, _MOST_JOBS)]
+    lines = [*_changed_requirements(since), *losses_in_words(since, _MOST_JOBS)]
+    if lines and since.previous_run_id:
+        lines.append(f"better or worse: robomaker compare {since.previous_run_id} {record.run_id}")
+    return lines
 
 
 def _changed_requirements(since: SinceLastRun) -> list[str]:

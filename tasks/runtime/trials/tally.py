@@ -187,7 +187,7 @@ class Tally:
     def _remarks(self) -> list[str]:
         """Returns the notes that are shown with the verdict."""
         off = [name for name, count in self._requirements.items() if count.kind == "off"]
-        own = [f"the job has switched {', '.join(off)} off", *self._notes] if off else self._notes
+        own = [f"switched off by the job: {', '.join(off)}", *self._notes] if off else self._notes
         is_one = self.rows > 1 and self._first_digest is not None and not self._differ
         same = f"all {self.rows} trials went through the same states: they count as one trial"
         return [same, *own] if is_one else [*filter(None, (each.note for each in self._effects.values())), *own]

@@ -23,7 +23,7 @@ def test_forty_trials_that_all_got_worse_in_one_world_are_worse_there(tmp_path: 
     assert found.rate is not None
     assert (found.rate.pairs, found.rate.worlds, found.rate.test) == (40, 1, "exact McNemar")
     assert found.why.startswith("40 pairs judged in both runs, in 1 world, p = 1.8e-12 (exact McNemar test")
-    assert found.why.endswith("in this world; other worlds were not tried")
+    assert found.why.endswith("it holds in this world, as other worlds were not tried")
 
 
 def test_pairs_that_repeat_another_one_state_by_state_count_once(tmp_path: Path) -> None:
@@ -84,7 +84,7 @@ def test_jobs_of_one_world_are_one_world(tmp_path: Path) -> None:
     assert (found.answer, found.rate and found.rate.worlds, found.rate and found.rate.test) == (
         "worse", 3, "exact McNemar"
     )  # fmt: skip
-    assert found.why.endswith("in these worlds; other worlds were not tried")
+    assert found.why.endswith("it holds in these worlds, as other worlds were not tried")
 
 
 def test_trials_that_only_one_run_has_are_counted(tmp_path: Path) -> None:

@@ -149,7 +149,7 @@ def test_what_the_job_switched_off_is_told_beside_its_trials() -> None:
         tally.take(TrialRow(trial=number, seed=number, verdict="PASS", requirements=[quick, rooms]))
     result = tally.result("environment", 0, {}, [])
     assert result.verdict == "PASS"
-    assert result.notes == ["the job has switched rooms off"]
+    assert result.notes == ["switched off by the job: rooms"]
     [off] = [item for item in result.requirements if item.kind == "off"]
     assert (off.satisfied, off.detail) == (False, "switched off by the job; met in 0 of 2 trials")
 
