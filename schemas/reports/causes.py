@@ -6,6 +6,9 @@ from pydantic import Field
 
 from ..wire.base import Model, optional
 
+NO_REQUIREMENT = "verdict"
+"""Stands for the requirement of a trial that failed without missing one: by the verdict of its environment."""
+
 ClaimKind = Literal["axis", "pair", "triple", "world"]
 
 
@@ -82,9 +85,11 @@ class FailureGroup(Model):
     def in_words(self) -> str:
         """The group in one line, with its strongest claim: the region of an axis where it fails most.
 
-        It reads `polite, in Kitchen: 12 trials; REGION: NUMBERS`, or ends with the reason why no region explains it.
+        It reads `polite, in Kitchen: 12 trials missed it first; REGION: NUMBERS`, or ends with the reason why no region
+        explains it. Trials that missed another requirement before are in that one's group.
         """
         count = f"{self.failed} {'trial' if self.failed == 1 else 'trials'}"
+        count += " failed by it" if self.requirement == NO_REQUIREMENT else " missed it first"
         said = f"{self.claims[0].region}: {self.claims[0].numbers}" if self.claims else self.nothing
         return f"{self.name}: {count}; {said}"
 

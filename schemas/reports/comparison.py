@@ -127,10 +127,21 @@ class PlannedPairs(NeededPairs):
     cost: float | None = optional("Cost of one such run; absent: not probed, or no price is given.")
 
 
+class LargestFall(Model):
+    """The pair of trials in which a margin fell most."""
+
+    cell: CellName = Field(description="Name of the job.")
+    job: str = Field(description="Id of the job in the second run.")
+    trial: int | None = optional("Number of the trial; absent: the job has no trials.")
+    before: float = Field(description="Margin in the first run.")
+    after: float = Field(description="Margin in the second run.")
+
+
 class MetricChange(Model):
     """Change of one metric, or of a requirement's margin, over the trials that ended in both runs."""
 
-    name: str = Field(description="The metric, with its unit.")
+    name: str = Field(description="The metric, with its unit; of a margin, the requirement.")
+    unit: str | None = optional("Unit of a margin; absent: it has none, or it is a metric.")
     pairs: int = Field(description="Number of pairs with the metric.")
     before: float = Field(description="Mean in the first run.")
     after: float = Field(description="Mean in the second run.")
@@ -138,6 +149,11 @@ class MetricChange(Model):
     low: float | None = optional("Lower end of the confidence interval; absent with fewer than 2 pairs.")
     high: float | None = optional("Upper end of the confidence interval.")
     changed: bool = Field(description="Whether the interval leaves out 0.")
+    fell: int = Field(default=0, description="Number of pairs in which it fell, as far as four digits show.")
+    rose: int = Field(default=0, description="Number of pairs in which it rose.")
+    largest_fall: LargestFall | None = optional(
+        "The pair in which a margin fell most; absent: it fell in none, or is a metric."
+    )
 
 
 class Comparison(Losses):

@@ -124,6 +124,11 @@ class JobRecord(Model):
     sim_time_s: float | None = optional(
         "Simulated time of the run, of all trials together; absent: nothing was simulated, or it is not known."
     )
+    ended_by: str | None = optional("Cause of the simulation's end, from `result.json`; absent: it has no result.")
+    state_digest: str | None = optional(
+        "Digest of all states that the simulation went through; absent: it has none, or an early release wrote the "
+        "record."
+    )
     verdict_reason: str | None = optional("Why the verdict is FAIL: what was found and what was asked for.")
     unnamed_failure: bool = Field(
         default=False,

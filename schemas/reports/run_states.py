@@ -135,6 +135,11 @@ def _covered(job: JobRecord) -> str:
     return "".join(f"; covers all that failed: {detail}" for detail in found)
 
 
+def plain_reason(reason: str) -> str:
+    """Returns why a job did not pass, without the name `trials`: what follows it says that it is about trials."""
+    return reason.removeprefix(f"{_TRIALS}: ")
+
+
 def _missed(job: JobRecord) -> list[str]:
     return [item.name for item in job.requirements if item.counts and not item.satisfied]
 

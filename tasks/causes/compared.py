@@ -11,12 +11,15 @@ from typing import Any
 
 import numpy as np
 
+from ...schemas.reports.causes import NO_REQUIREMENT
 from ..results.table import ResultTable
-from .evidence import NO_REQUIREMENT, Evidence
+from .evidence import Evidence
 from .groups import Group
 
 _NEARLY_NONE = 0.1
 """Share of trials that passed below which they are too few to be compared with: a region of an axis may have none."""
+_DURATION_LIMIT = "duration limit"
+"""Cause of the end of a trial that ran as long as it may: what it missed at its end did not cut it short."""
 _LAST_MOMENT_S = 0.1
 """Time before the end of a trial, two control steps, in which a violation is taken for what ended it."""
 
@@ -39,14 +42,17 @@ def compared(results: ResultTable, evidence: Evidence, group: Group) -> Group:
     """
     if group.signature.requirement == NO_REQUIREMENT:
         return group
-    texts, ends_s = results.texts("requirements"), results.numbers("sim_time_s")
+    texts, ends_s, ended_by = (
+        results.texts("requirements"), results.numbers("sim_time_s"), results.texts("ended_by"),
+    )  # fmt: skip
     judged = [_judged(texts[row] or "[]", group.signature.requirement) for row in evidence.rows.tolist()]
     failed = group.failed | np.array([bool(own and not own["satisfied"]) for own, _ in judged], dtype=np.bool_)
     times_s = [_violated_at_s(own) for own, _ in judged if own and not own["satisfied"]]
     latest_s = max(times_s, default=math.inf)
     met = [
-        bool(own and own["satisfied"]) and _had_its_chance(missed, float(end_s), latest_s)
-        for (own, missed), end_s in zip(judged, ends_s[evidence.rows], strict=True)
+        bool(own and own["satisfied"])
+        and (ended_by[row] == _DURATION_LIMIT or _had_its_chance(missed, float(ends_s[row]), latest_s))
+        for (own, missed), row in zip(judged, evidence.rows.tolist(), strict=True)
     ]
     at_risk = failed | ~evidence.failed | np.array(met, dtype=np.bool_)
     others = int((at_risk & evidence.failed & ~group.failed).sum())

@@ -14,7 +14,7 @@ from ...schemas.reports.causes import AxisEffects, Effect
 from ..results.rates import margin_units
 from ..results.table import ResultTable
 from .evidence import AxisColumn, Evidence, evidence_of
-from .sensitivity import FEWEST_CLUSTERS, LEVEL, along, judged_margins, within
+from .sensitivity import FEWEST_CLUSTERS, LEVEL, along, judged_margins, there_are, within
 
 FEWEST_OUTCOMES = 10
 """Failures, and passes, from which on their share has an interval: with fewer, those of t are too narrow."""
@@ -29,7 +29,8 @@ def axis_effects(results: ResultTable, states: Sequence[str | None] | None = Non
 
     Args:
         results: The run's table of results.
-        states: Digest of all states of each row; None: those of the table, which has none of jobs without trials.
+        states: Digest of all states of each row; None: those of the table; of early releases it has none of
+            jobs without trials.
     """
     if not results.axes:
         return []
@@ -74,10 +75,9 @@ def _effect(
 ) -> Effect:
     """Returns the surest effect of an axis on one outcome, or an effect that says why none can be told."""
     if not name and (rare := min(evidence.failed.sum(), (~evidence.failed).sum())) < FEWEST_OUTCOMES:
-        one, several = ("failure", "failures") if evidence.failed.sum() == rare else ("pass", "passes")
-        few = f"{rare} {one} is" if rare == 1 else f"{rare} {several} are"
-        least = f"it takes {FEWEST_OUTCOMES} {several} of any kind"
-        return Effect(on=name, refused=f"{few} too few for an interval: {least}")
+        several = "failures" if evidence.failed.sum() == rare else "passes"
+        few = f"an interval takes {FEWEST_OUTCOMES} {several}, and {there_are(int(rare))}"
+        return Effect(on=name, refused=few)
     if np.nanmax(outcomes) == np.nanmin(outcomes):
         return Effect(on=name, unit=unit, refused="it is the same in all trials")
     found: list[Effect] = []
@@ -106,6 +106,4 @@ def _too_few_apart(name: str, outcomes: NDArray[np.float64], evidence: Evidence,
         share = float(outcomes[known].mean()) if known.any() else 0.0
         few, least = apart * min(share, 1 - share), FEWEST_EXPECTED
         what = f"{'failures' if share <= 0.5 else 'passes'} to be expected"
-    return (
-        f"{few:.2g} {what} with its rarer values are too few for an interval: it takes {least}" if few < least else ""
-    )
+    return f"an interval takes {least} {what} with its rarer values, and there are {few:.2g}" if few < least else ""

@@ -10,12 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...schemas.reports.causes import NO_REQUIREMENT
 from ...schemas.runs.axes import AS_BUILT
 from ...schemas.runs.axis_kinds.kind import Value
 from ..results.table import ResultTable
-
-NO_REQUIREMENT = "verdict"
-"""Requirement of a trial that failed although its row names none that was missed."""
 
 _NUMBERED = re.compile(r"[\s_.:#-]*\d+$")
 """Number at the end of a thing's name: `chair_3` and `chair_12` are both a chair."""
@@ -108,7 +106,8 @@ def evidence_of(results: ResultTable, states: Sequence[str | None] | None = None
 
     Args:
         results: The table.
-        states: Digest of all states of each row; None: those of the table, which has none of jobs without trials.
+        states: Digest of all states of each row; None: those of the table; of early releases it has none of
+            jobs without trials.
     """
     codes, outcomes = results.codes("outcome")
     wanted = [code for code, outcome in enumerate(outcomes) if outcome in ("passed", "failed")]

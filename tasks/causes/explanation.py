@@ -16,7 +16,7 @@ from .groups import Group, groups_of
 from .lift import Lift, lift_of
 from .plots import cell_plot, margin_plot
 from .regions import regions_of
-from .sensitivity import judged_margins, sensitivities, varying
+from .sensitivity import judged_margins, sensitivities, there_are, varying
 from .tested_causes import Hypothesis, claims_of, fewest_failures, hypotheses_of, lifts_of
 
 _SEED = 38
@@ -35,7 +35,8 @@ def explain(results: ResultTable, *, refused: str = "", states: Sequence[str | N
     Args:
         results: The run's table of results.
         refused: Why nothing may be claimed of this run; empty: it may.
-        states: Digest of all states of each row; None: those of the table, which has none of jobs without trials.
+        states: Digest of all states of each row; None: those of the table; of early releases it has none of
+            jobs without trials.
     """
     evidence = evidence_of(results, states)
     if not evidence.failed.any():
@@ -149,8 +150,8 @@ def _too_few(evidence: Evidence, group: Group, fewest: int, axes: Sequence[AxisC
     fit = _best_fit(evidence, group, axes)
     may = f"; {_may_go_with(evidence, group, *fit)}" if fit is not None and fit[1].low > 1 else ""
     return (
-        f"{failures} {'failure is' if failures == 1 else 'failures are'} too few to claim a cause: it takes {fewest} "
-        f"failures of this kind, at this rate {needed:,} trials instead of {trials:,}{may}"
+        f"a claim takes {fewest} failures, and {there_are(failures)}; at this rate that takes {needed:,} trials "
+        f"instead of {trials:,}{may}"
     )
 
 

@@ -90,7 +90,7 @@ def along(
         return None
     count = int(known.sum())
     if count < FEWEST_TRIALS:
-        return f"{count} trials with a margin are too few for an interval: it takes {FEWEST_TRIALS}"
+        return f"an interval takes {FEWEST_TRIALS} trials with a margin, and {there_are(count)}"
     x, y = (within(each[known], evidence.jobs[known]) for each in (values, margins))
     square = float((x**2).sum())
     if square <= 1e-12 * float((values[known] ** 2).sum() + 1e-12):
@@ -101,7 +101,7 @@ def along(
     clusters = len(np.unique(clusterings[0]))
     if clusters < FEWEST_CLUSTERS:
         there = counted(worlds, "world")
-        return f"{clusters} seeds or cells in {there} are too few for an interval: it takes {FEWEST_CLUSTERS}"
+        return f"an interval takes {FEWEST_CLUSTERS} seeds or cells, and in {there} there are {clusters}"
     slope = float((x * y).sum()) / square
     left = y - slope * x
     parts = x * left / square
@@ -140,6 +140,11 @@ def _unseen(change: float, largest: float, clusters: int, level: float) -> tuple
     share = 1 - (1 - level) ** (1 / clusters)
     reach = max(largest, abs(change))  # a straight line through few values may be steeper than the range
     return change - share * (reach + change), change + share * (reach - change)
+
+
+def there_are(count: int) -> str:
+    """Returns how many there are of what was just named: `there is 1`, `there are 5`."""
+    return f"there {'is' if count == 1 else 'are'} {count:,}"
 
 
 def within(values: NDArray[np.float64], jobs: NDArray[np.int64]) -> NDArray[np.float64]:

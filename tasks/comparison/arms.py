@@ -33,6 +33,7 @@ from .pairing import (
     CellPlace,
     Pair,
     TrialPairs,
+    copies_in_words,
     each_once,
     outcomes_of,
     pair_trials,
@@ -333,7 +334,7 @@ def _why(arm: _Arm, p_value: float | None, answer: Answer) -> str:
     if arm.same_states:
         words += "; both sides of each pair went through the same states: the axis changes nothing"
     if arm.repeated:
-        words += f"; {counted(arm.repeated, 'pair')} with the same states as another one count with that one"
+        words += f"; {copies_in_words(arm.repeated)}"
     if arm.unfair:
         words += f"; {counted(arm.unfair, 'pair')} judged by different requirements do not count"
     if arm.unpaired:

@@ -4,12 +4,15 @@ The answer is about verdicts of trials; a job without trials counts as one trial
 for the user to decide.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ...schemas.reports.comparison import (
     ComparedRun,
     Comparison,
+    LargestFall,
     MarginTest,
     MetricChange,
     PairedJob,
@@ -20,15 +23,17 @@ from ...schemas.reports.run_exit_codes import ANSWER_EXIT_CODES
 from ...schemas.wire.common import counted
 from ..reporting import Outcome
 from ..results.rates import margin_units
-from .compared_runs import NightRun, outcome_of
+from .compared_runs import NightRun, name_of, outcome_of
 from .difference_test import JudgedTrials, mean_change, needed_pairs, rate_change
 from .early_stops import answer_while_running
 from .failure_starts import appearances_of, changed_nights, changed_versions
 from .losses import losses_of, told_losses
-from .pairing import ENDED, PASSED, Pair, Pairing, TrialPairs, each_once, pair_jobs, pair_trials
+from .pairing import ENDED, PASSED, Pair, Pairing, TrialPairs, copies_in_words, each_once, pair_jobs, pair_trials
 from .requirement_changes import RequirementChanges, requirement_changes
 from .statistics.e_processes import fewest_worlds
 
+_LOOKS_THE_SAME = 1e-4
+"""Share of a value up to which a difference does not show, as numbers are shown with four digits."""
 _LARGEST = 1e100
 """Absolute value from which numbers are left out of means, as their squares are not finite."""
 
@@ -75,7 +80,7 @@ def compare(
     ):
         answer, why = "not comparable", open_question
     if rate is not None and (repeated := len(shared) - len(fair)):
-        why += f"; {counted(repeated, 'pair')} with the same states as another one count with that one"
+        why += f"; {copies_in_words(repeated)}"
     ended = np.array([pair.is_told for pair in pairing.pairs], dtype=bool)
     # The same as the run's report.
     versions = changed_versions(before, after)
@@ -106,8 +111,8 @@ def compare(
         rate=rate,
         needed=needed_pairs(judged, alpha, difference, margin) if rate and answer == "no difference shown" else None,
         e_values=after.against.e_values if after.against and looked_at else {},
-        metrics=_changes("metric", trials, alpha) if looked_at is None else [],
-        margins=_changes("margin", fair, alpha) if looked_at is None else [],
+        metrics=_changes("metric", trials, pairing.pairs, alpha) if looked_at is None else [],
+        margins=_changes("margin", fair, pairing.pairs, alpha) if looked_at is None else [],
         **dict(told_losses(losses_of([before, after], appearances_of([before, after])))),
     )
 
@@ -236,7 +241,7 @@ def _scope(judged: JudgedTrials, fair: TrialPairs) -> str:
     if not judged.is_of_few_worlds or not fair.has_worlds:
         return ""
     these = "this world" if judged.world_count == 1 else "these worlds"
-    return f", in {these}; other worlds were not tried"
+    return f"; it holds in {these}, as other worlds were not tried"
 
 
 def _tested(rate: RateChange, alpha: float) -> Answer:
@@ -248,15 +253,21 @@ def _tested(rate: RateChange, alpha: float) -> Answer:
     return "worse" if differs else "no difference shown"
 
 
-def _changes(kind: str, trials: TrialPairs, alpha: float) -> list[MetricChange]:
+def _changes(kind: str, trials: TrialPairs, jobs: Sequence[Pair], alpha: float) -> list[MetricChange]:
     """Returns changes of metrics or margins of trials that ended by themselves, changed ones first.
 
     All intervals hold together with probability 1 - alpha. Values that are not finite are left out.
+
+    Args:
+        kind: `metric` or `margin`.
+        trials: The pairs of trials.
+        jobs: The pairs of jobs that they belong to.
+        alpha: Error probability of all intervals together.
     """
     old, new = trials.outcomes
     ended = trials.only(np.isin(old, ENDED) & np.isin(new, ENDED))
     found = {}
-    names = trials.after.metrics if kind == "metric" else _with_margins(trials)
+    names = dict.fromkeys(trials.after.metrics) if kind == "metric" else _with_margins(trials)
     for name in sorted(names):
         values = ended.numbers(f"{kind}.{name}")
         finite = np.isfinite(values[0]) & np.isfinite(values[1]) & (np.abs(values).max(axis=0) < _LARGEST)
@@ -264,20 +275,42 @@ def _changes(kind: str, trials: TrialPairs, alpha: float) -> list[MetricChange]:
             found[name] = (values[0][finite], values[1][finite], ended.only(finite))
     tested = sum(len(pairs) > 1 for _, _, pairs in found.values())
     share = alpha / max(tested, 1)
-    changes = [_metric(name, old, new, pairs, share) for name, (old, new, pairs) in found.items()]
+    changes = []
+    for name, (old, new, pairs) in found.items():
+        change = _metric(name, old, new, pairs, share)
+        if kind == "margin":
+            fall = _largest_fall(old, new, pairs, jobs) if change.fell else None
+            change = change.model_copy(update={"unit": names[name], "largest_fall": fall})
+        changes.append(change)
     return sorted(changes, key=lambda change: not change.changed)
 
 
-def _with_margins(trials: TrialPairs) -> list[str]:
-    """Returns the requirements whose margins have the same unit in both runs, so that they can be compared."""
+def _with_margins(trials: TrialPairs) -> dict[str, str | None]:
+    """Returns the requirements whose margins have the same unit in both runs, so that they can be compared; by unit."""
     before, after = (margin_units(table) for table in (trials.before, trials.after))
-    return [name for name, units in after.items() if len(units) == 1 and before.get(name) == units]
+    return {name: next(iter(units)) for name, units in after.items() if len(units) == 1 and before.get(name) == units}
+
+
+def _largest_fall(
+    before: NDArray[np.float64], after: NDArray[np.float64], trials: TrialPairs, jobs: Sequence[Pair]
+) -> LargestFall:
+    place = int(np.argmin(after - before))
+    job = jobs[int(trials.jobs[place])].after
+    number = trials.after.numbers("trial")[trials.after_rows[place]]
+    return LargestFall(
+        cell=name_of(job),
+        job=job.label,
+        trial=None if np.isnan(number) else int(number),
+        before=float(before[place]),
+        after=float(after[place]),
+    )
 
 
 def _metric(
     name: str, before: NDArray[np.float64], after: NDArray[np.float64], pairs: TrialPairs, alpha: float
 ) -> MetricChange:
     differences = after - before
+    moved = np.abs(differences) > _LOOKS_THE_SAME * np.maximum(np.abs(before), np.abs(after))
     interval = mean_change(_judged(pairs, alpha), differences, alpha) if len(differences) > 1 else None
     return MetricChange(
         name=name,
@@ -288,6 +321,8 @@ def _metric(
         low=interval.low if interval else None,
         high=interval.high if interval else None,
         changed=interval is not None and interval.leaves_out_zero,
+        fell=int((moved & (differences < 0)).sum()),
+        rose=int((moved & (differences > 0)).sum()),
     )
 
 

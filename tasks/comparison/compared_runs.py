@@ -13,6 +13,7 @@ import numpy as np
 from ...schemas.reports.changes import CellName
 from ...schemas.reports.live_comparison import AgainstAnswer
 from ...schemas.reports.run_record import JobRecord, RunRecord, RunState, SourceCommit
+from ...schemas.reports.run_states import plain_reason
 from ...schemas.runs.axis_kinds.kind import Value
 from ..reporting import Outcome, classify
 from ..results.table import RESULTS_FILE, ResultTable
@@ -198,7 +199,7 @@ def reason_of(job: JobRecord) -> str:
     # What the job asks for itself comes before what its environment asks of all jobs.
     asked = sorted(job.requirements, key=lambda item: item.kind is None)
     missed = [f"{item.name}: {item.detail}" for item in asked if item.counts and not item.satisfied]
-    words = job.failure_reason or "; ".join(missed) or job.verdict_reason or ""
+    words = job.failure_reason or plain_reason("; ".join(missed)) or job.verdict_reason or ""
     first = next(iter(words.strip().splitlines()), "")
     return ": ".join(part for part in (job.failure_code, first) if part)
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ...schemas.reports.live_comparison import Against, AgainstAnswer, Answer
 from ...schemas.wire.common import counted
 from .compared_runs import NightRun
-from .pairing import BROKEN, FAILED, PASSED, STOPPED
+from .pairing import BROKEN, FAILED, PASSED, STOPPED, copies_in_words
 from .statistics.e_processes import (
     Numbers,
     best_margin,
@@ -32,6 +32,7 @@ from .statistics.e_processes import (
 )
 
 Outcomes = NDArray[np.int8]
+States = Sequence[str | None]
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,17 @@ class PairedTrials:
     """Outcomes in the later run, with `STOPPED` for missing ones; None: the job has not ended."""
     is_fair: bool = True
     """Whether both runs judge the job by the same requirements."""
+    before_states: States = ()
+    """Digest of all states of each trial of the earlier run, None where it is not known; empty: none is."""
+    after_states: States = ()
+    """The same of the later run."""
+
+    @property
+    def states(self) -> list[tuple[str, str] | None]:
+        """Digests of both trials of each pair; None where one of them is not known."""
+        unknown: States = (None,) * len(self.before)
+        pairs = zip(self.before_states or unknown, self.after_states or unknown, strict=True)
+        return [None if old is None or new is None else (old, new) for old, new in pairs]
 
     def changes(self, *, counts_lost: bool, has_margin: bool) -> Numbers:
         """Returns 1 for each trial that got better, -1 for worse, 0 for none, NaN where that is not judged.
@@ -87,6 +99,8 @@ class Decision:
     """Largest evidence by answer: the smaller one of both ways to count trials with errors."""
     worlds: int | None = None
     """Number of worlds that were used, if whole worlds are flipped."""
+    repeated: int = 0
+    """Number of used pairs with the same states as another one of their world: they show nothing more."""
 
 
 def decide(trials: Sequence[PairedTrials], asked: Against, lost: Sequence[PairedTrials] = ()) -> Decision:
@@ -119,6 +133,7 @@ def decide(trials: Sequence[PairedTrials], asked: Against, lost: Sequence[Paired
         depends_on_lost=answer is None and reached[0] != reached[1],
         e_values={name: math.exp(each[looked_at - 1]) if looked_at else 1.0 for name, each in found.items()},
         worlds=looked_at if steps.are_worlds else None,
+        repeated=int(steps.repeats[:looked_at].sum()),
     )
 
 
@@ -141,6 +156,9 @@ class _Steps:
             self._of_trials = np.arange(sum(counts))
         self._count = len(names) if self.are_worlds else sum(counts)
         before = _joined([each.before for each in trials])
+        self._is_copy = _copies(trials)
+        self.repeats = self._summed(self._is_copy)
+        """Number of pairs of each step with the same states as an earlier one of their world."""
         waits = np.repeat(np.array([each.after is None for each in trials], dtype=bool), counts)
         self.sizes = self._summed(np.ones(len(before))).astype(np.int64)
         gaps = np.flatnonzero(self._summed(waits))
@@ -154,11 +172,24 @@ class _Steps:
         """Returns the sum of the changes in each ended step, and the number of its judged pairs."""
         has_margin = self.asked.margin is not None
         change = _joined([each.changes(counts_lost=counts_lost, has_margin=has_margin) for each in self._trials])
-        known = ~np.isnan(change)
+        known = ~np.isnan(change) & ~self._is_copy
         return self._summed(np.where(known, change, 0.0))[: self.ended], self._summed(known)[: self.ended]
 
     def _summed(self, values: NDArray[Any]) -> Numbers:
         return np.bincount(self._of_trials, values.astype(np.float64), self._count).astype(np.float64)
+
+
+def _copies(trials: Sequence[PairedTrials]) -> NDArray[np.bool_]:
+    """Returns a mask of the pairs that repeat an earlier one of their world, state by state, as `each_once` does."""
+    seen: set[tuple[object, ...]] = set()
+    copies: list[bool] = []
+    for each in trials:
+        after = each.before if each.after is None else each.after  # then no state is known
+        for states, *outcomes in zip(each.states, each.before.tolist(), after.tolist(), strict=True):
+            pair = (each.world, states, *outcomes)
+            copies.append(states is not None and pair in seen)
+            seen.add(pair)
+    return np.array(copies, dtype=bool)
 
 
 @dataclass(frozen=True)
@@ -221,6 +252,7 @@ def told_decision(asked: Against, found: Decision, *, is_over: bool) -> AgainstA
     answer: Answer = found.answer or "no difference shown"
     pairs = f"{found.pairs} of {counted(found.planned, 'pair')}"
     worlds = f", {counted(found.worlds, 'world')}" if found.worlds else ""
+    repeated = f"; {copies_in_words(found.repeated)}" if found.repeated else ""
     if found.answer is not None:
         why = f"decided after {pairs}{worlds}"
     elif not found.planned:
@@ -239,7 +271,7 @@ def told_decision(asked: Against, found: Decision, *, is_over: bool) -> AgainstA
         alpha=asked.alpha,
         margin=asked.margin,
         answer=answer,
-        why=why,
+        why=f"{why}{repeated}",
         pairs=found.pairs,
         planned=found.planned,
         e_values=dict(found.e_values),

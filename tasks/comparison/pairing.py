@@ -244,24 +244,34 @@ def each_once(
 ) -> TrialPairs:
     """Returns the pairs without those that repeat another one of their world, state by state.
 
-    They do where a seed or an axis changes nothing, and would count the same evidence again.
+    They do where a seed or an axis changes nothing, and would count the same evidence again. Pairs that ended
+    otherwise, as jobs with other requirements may, are no repetition.
 
     Args:
         trials: The pairs.
         before_states: Digest of all states of each row of the first table; None where it is not known.
         after_states: The same of the second table.
     """
-    seen: set[tuple[int, str, str]] = set()
+    seen: set[tuple[int, int, int, str, str]] = set()
     once: list[bool] = []
-    rows = (trials.worlds.tolist(), trials.before_rows.tolist(), trials.after_rows.tolist())
-    for world, old, new in zip(*rows, strict=True):
+    ended = (trials.worlds.tolist(), *(codes.tolist() for codes in trials.outcomes))
+    for *place, old, new in zip(*ended, trials.before_rows.tolist(), trials.after_rows.tolist(), strict=True):
+        world, first, second = place
         before, after = before_states[old], after_states[new]
         if before is None or after is None:
             once.append(True)
             continue
-        once.append((world, before, after) not in seen)
-        seen.add((world, before, after))
+        pair = (world, first, second, before, after)
+        once.append(pair not in seen)
+        seen.add(pair)
     return trials.only(np.array(once, dtype=bool))
+
+
+def copies_in_words(count: int) -> str:
+    """Says that pairs repeat others: `2 pairs repeat another pair state by state and do not count`."""
+    if count == 1:
+        return "1 pair repeats another pair state by state and does not count"
+    return f"{count} pairs repeat another pair state by state and do not count"
 
 
 def outcomes_of(table: ResultTable) -> NDArray[np.int8]:

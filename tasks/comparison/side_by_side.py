@@ -27,7 +27,7 @@ _NOT_RUN = (Outcome.CANCELED, Outcome.UNFINISHED)
 _MET = re.compile(r"met in (\d+) of (\d+) trials?$")
 """The detail of a requirement of a job with trials: `met in 4 of 8 trials`."""
 _FAILED = re.compile(r"(\d+|none) of (\d+) trials? (?:did not pass|failed)\b")
-"""The detail of all its trials: `4 of 8 trials did not pass: 1, 2, 5 and 7`, `none of 8 trials failed`."""
+"""The detail of all its trials: `4 of 8 trials did not pass: trials 1, 2, 5, 7`, `none of 8 trials failed`."""
 
 
 @dataclass(frozen=True)

@@ -65,7 +65,7 @@ def examine(
     try:
         with found_run(job.arn, service) as run, scratch_folder(service) as scratch, own_domain(job.arn) as domain:
             if run.outputs.provenance.plan.trials is not None:
-                why = "it has trials, which `robomaker verify JOB --trial K` repeats one by one"
+                why = f"it has trials; `robomaker verify {job.label}` repeats the first one that did not pass"
                 return blank.model_copy(update={"why": why})
             neighbours = _has_neighbours(job, beside, service)
             trials = Trials(run, service, scratch, domain, neighbours, on_rerun)

@@ -499,6 +499,8 @@ def _job_record(job: ReportedJob, name: str, place: StoredPlace | None, service:
         rooms_total=len(result.rooms) if result and result.rooms else None,
         duration_s=job.duration_s,
         sim_time_s=(result.sim_time_s or None) if result else None,
+        ended_by=result.ended_by if result else None,
+        state_digest=result.state_digest if result else None,
         failure_code=job.failure_code,
         failure_reason=job.failure_reason,
         verdict_reason=result.reason if result else None,

@@ -17,7 +17,7 @@ from ...schemas.specs.specification import CheckedSpec
 from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException
 from ..catalog import Resource
 from ..comparison.compared_runs import NightRun
-from ..comparison.early_stops import Outcomes, PairedTrials, decide, told_decision
+from ..comparison.early_stops import Outcomes, PairedTrials, States, decide, told_decision
 from ..comparison.pairing import STOPPED, Pair, outcomes_of, pair_jobs, pair_trials
 from ..comparison.statistics.e_processes import fewest_pairs
 from ..jobs.request_order import mixed_order
@@ -105,7 +105,7 @@ class RunBeside:
         self._earlier = _EarlierTrials(before)
         self._steps = list(steps)
         self._requests: dict[str, _Asked] = {}
-        self._ended: dict[tuple[str, int], tuple[JobRecord, Outcomes]] = {}
+        self._ended: dict[tuple[str, int], tuple[JobRecord, Outcomes, States]] = {}
 
     def answer(self, steps: Sequence[StepRecord], *, is_over: bool = False) -> AgainstAnswer | None:
         """Compares the pairs that have ended, and returns the answer once it is decided.
@@ -146,7 +146,7 @@ class RunBeside:
             steps: All steps of the run, which have ended or were skipped.
         """
         self.answer(steps)  # jobs may have ended after the decision
-        ran = [outcomes for job, outcomes in self._ended.values() if job.status != "Canceled"]
+        ran = [outcomes for job, outcomes, _ in self._ended.values() if job.status != "Canceled"]
         counts = {
             "saved": max(0, answer.planned - sum(map(len, ran))),
             "unpaired": self._unpaired(_begun(steps)),
@@ -246,13 +246,16 @@ class RunBeside:
 
     def _note(self, arn: str, places: Sequence[int], pairs: Sequence[Pair], after: NightRun) -> None:
         found = pair_trials(pairs, self._before, after)
-        outcomes = found.outcomes[1]
+        outcomes, states = found.outcomes[1], after.results.texts("state_digest")
         for number, (place, pair) in enumerate(zip(places, pairs, strict=True)):
             rows = self._before.results.rows_of(pair.before)
             own = np.full(len(rows), STOPPED, dtype=np.int8)
             mine = found.jobs == number
-            own[found.before_rows[mine] - rows.start] = outcomes[mine]
-            self._ended[arn, place] = pair.after, own
+            places_of_rows = found.before_rows[mine] - rows.start
+            own[places_of_rows] = outcomes[mine]
+            after_rows = dict(zip(places_of_rows.tolist(), found.after_rows[mine].tolist(), strict=True))
+            digests = [states[after_rows[row]] if row in after_rows else None for row in range(len(rows))]
+            self._ended[arn, place] = pair.after, own, digests
 
     def _note_unmade(self, arn: str, asked: _Asked, earlier: Mapping[int, JobRecord]) -> None:
         """Records requests for which no job was created; they count as not passed."""
@@ -260,7 +263,7 @@ class RunBeside:
             request = asked.requests[place]
             if id(request) in earlier and (arn, place) not in self._ended:
                 rows = self._before.results.rows_of(earlier[id(request)])
-                self._ended[arn, place] = request, np.full(len(rows), STOPPED, dtype=np.int8)
+                self._ended[arn, place] = request, np.full(len(rows), STOPPED, dtype=np.int8), ()
 
     def _jobs(self, step: StepRecord) -> dict[int, Resource]:
         arn, catalog = step.arn or "", self._service.catalog
@@ -278,9 +281,9 @@ class RunBeside:
         expected = self._earlier.of(before)
         if (arn, place) not in self._ended:
             return expected
-        job, outcomes = self._ended[arn, place]
+        job, outcomes, states = self._ended[arn, place]
         is_fair = Pair(before, job).has_same_requirements
-        return PairedTrials(expected.world, expected.before, outcomes, is_fair)
+        return replace(expected, after=outcomes, is_fair=is_fair, after_states=states)
 
 
 def with_skipped(answer: AgainstAnswer, steps: Sequence[StepRecord]) -> AgainstAnswer:
@@ -304,11 +307,14 @@ class _EarlierTrials:
 
     def __init__(self, run: NightRun) -> None:
         self._results, self._outcomes = run.results, outcomes_of(run.results)
+        self._states = run.results.texts("state_digest")
 
     def of(self, job: JobRecord) -> PairedTrials:
         rows = self._results.rows_of(job)
         world = (job.inputs and job.inputs.world) or ""
-        return PairedTrials(world, self._outcomes[rows.start : rows.stop])
+        return PairedTrials(
+            world, self._outcomes[rows.start : rows.stop], before_states=self._states[rows.start : rows.stop]
+        )
 
 
 def _begun(steps: Sequence[StepRecord]) -> list[StepRecord]:

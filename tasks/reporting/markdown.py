@@ -81,7 +81,9 @@ def _results(summary: ReportSummary, pages: ConsolePages) -> Iterator[str]:
         rows = [
             f"| {_code(each.axis)} | {_code(each.answer)} | {_code('; '.join(each.told))} |" for each in summary.effects
         ]
-        yield "\n".join(("| axis | result | changes (95 % together) |", "| --- | --- | --- |", *rows))
+        yield "\n".join(
+            ("| axis | result | changes (all intervals together hold with 95 %) |", "| --- | --- | --- |", *rows)
+        )
     if is_told(summary.why):
         yield "\n".join(_why(summary.why))
     if missed := [each for each in summary.requirements if each.failed or each.errors]:
@@ -92,7 +94,7 @@ def _results(summary: ReportSummary, pages: ConsolePages) -> Iterator[str]:
 
 def _why(why: Why) -> Iterator[str]:
     """Yields the lines of a Markdown table of groups of failures, those with a claim first, cut after some groups."""
-    yield "| failure | trials | goes with | again |"
+    yield "| missed first | trials | goes with | run one again |"
     yield "| --- | ---: | --- | --- |"
     groups = sorted(why.groups, key=lambda each: not each.claims)
     for group in groups[:_MOST_GROUPS]:
@@ -161,7 +163,7 @@ def _jobs(bad: list[JobCase], pages: ConsolePages) -> Iterator[str]:
     count = counted(len(bad), "job")
     yield f"<details{' open' if len(bad) == 1 else ''}><summary>{count} did not pass</summary>"
     yield ""
-    yield "| job | outcome | why | again |"
+    yield "| job | outcome | why | run it again |"
     yield "| --- | --- | --- | --- |"
     for job in sorted(bad, key=lambda each: Outcome(each.outcome).rank)[:_MOST_JOBS]:
         page = pages.job(job.arn)

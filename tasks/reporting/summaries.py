@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from ...schemas.reports.report import JobCase, Report, ReportedJob, ReportedStep, ReportSummary, StepSuite
 from ...schemas.reports.run_record import JobRecord
+from ...schemas.reports.run_states import plain_reason
 from ..results import rates
 from ..results.table import ResultTable
 from . import outcomes
@@ -87,7 +88,7 @@ def why_broken(job: ReportedJob) -> str:
         return outcomes.plain(job.failure_reason)
     if job.result is None:
         return ""
-    return job.result.reason or job.result.summary
+    return plain_reason(job.result.reason or "") or job.result.summary
 
 
 def folder_of(job: ReportedJob) -> str:

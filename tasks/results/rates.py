@@ -187,7 +187,10 @@ def by_requirement(results: ResultTable) -> list[Share]:
 def _with_margin(share: Share, units: set[str | None], results: ResultTable) -> Share:
     if len(units) != 1:
         return share  # nothing to compare, or seconds with metres
-    margins = np.where(results.met(share.name) >= 0, results.numbers(f"margin.{share.name}"), np.nan)
+    met = results.met(share.name)
+    # A margin of trials that met it would contradict that it was missed, where those have none.
+    of_these = met == 0 if share.failed else met >= 0
+    margins = np.where(of_these, results.numbers(f"margin.{share.name}"), np.nan)
     if np.isnan(margins).all():
         return share
     row = int(np.nanargmin(margins))

@@ -166,7 +166,9 @@ class ResultTable:
         return self._column(f"axis.{axis}").to_pylist()
 
     def texts(self, column: str) -> list[str | None]:
-        """Returns a text column; `None` for empty cells."""
+        """Returns a text column; `None` for empty cells or a missing column."""
+        if column not in self._all_names:
+            return [None] * len(self)
         return self._column(column).to_pylist()
 
     def job_names(self) -> list[str | None]:
@@ -252,9 +254,7 @@ class ResultTable:
         return (name.removeprefix(prefix) for name in self._all_names if name.startswith(prefix))
 
 
-_UNKNOWN_OF_JOBS = dict.fromkeys(
-    ("trial", "ended_by", "state_digest", "model_sha256", "digest_looks", "digest_until_s", "recorded")
-)
+_UNKNOWN_OF_JOBS = dict.fromkeys(("trial", "model_sha256", "digest_looks", "digest_until_s", "recorded"))
 """Columns that a job's record does not contain; they are empty, as a 0 would look like a value."""
 
 
@@ -274,6 +274,8 @@ def _rows_of(jobs: Sequence[JobRecord]) -> "pa.Table":
             axes={name: value if axes[name] else value_text(value) for name, value in job.axes.items()},
             reason=job.verdict_reason or job.failure_reason or "",
             failure_code=job.failure_code,
+            ended_by=job.ended_by,
+            state_digest=job.state_digest,
             wall_time_s=job.duration_s or 0.0,
             requirements=job.requirements,
             metrics=job.metrics,

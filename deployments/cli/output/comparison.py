@@ -31,24 +31,27 @@ _MOST_NIGHTS = 14
 
 
 def comparison_lines(comparison: Comparison) -> list[str]:
-    """Formats the comparison of two runs as text lines, the result first."""
-    before, after = comparison.before, comparison.after
+    """Formats the comparison of two runs as text lines: the answer, what differs between the runs, then details."""
+    is_tested = comparison.answer != "not comparable"
     lines = [
-        f"{after.run_id} compared with {before.run_id}",
-        f"{comparison.answer.capitalize()}: {comparison.why}",
+        _answer(comparison),
+        *_fallen(comparison.margins),
         "",
-        f"  what differs  {'; '.join(map(change_in_words, comparison.changed)) or 'nothing that is recorded'}",
+        f"  {'how sure' if is_tested else 'why':<13} {comparison.why}",
     ]
-    lines += [f"  {line}" for line in requirement_lines(comparison.requirements)]
     if rate := comparison.rate:
         lines.append(
             f"  pass rate     {rate.before:.1%} → {rate.after:.1%}, {_points(rate.difference)} points "
-            f"({100 * (1 - comparison.alpha):.4g}% interval {_points(rate.low)} to {_points(rate.high)})"
+            f"({_level(comparison.alpha)} interval {_points(rate.low)} to {_points(rate.high)})"
         )
     if comparison.needed:
         lines.append(f"  needed        {_needed(comparison.needed)}")
-    lines.append(f"  pairs         {_pairs(comparison)}")
+    lines += [
+        f"  pairs         {_pairs(comparison)}",
+        f"  what differs  {'; '.join(map(change_in_words, comparison.changed)) or 'nothing that is recorded'}",
+    ]
     lines += [f"  note          {each}" for each in comparison.troubles]
+    lines += [f"  {line}" for line in requirement_lines(comparison.requirements)]
     for title, jobs in (
         ("newly failing", comparison.newly_failing),
         ("newly passing", comparison.newly_passing),
@@ -56,22 +59,68 @@ def comparison_lines(comparison: Comparison) -> list[str]:
     ):
         lines += _paired(title, jobs)
     lines += [f"  {line}" for line in losses_in_words(comparison, _MOST_JOBS)]
-    return lines + _changes("margins", comparison.margins) + _changes("metrics", comparison.metrics)
+    lines += _margins(comparison.margins, comparison.alpha) + _metrics(comparison.metrics, comparison.alpha)
+    return lines + _next(comparison)
+
+
+def _answer(comparison: Comparison) -> str:
+    """Returns the answer as a sentence, which names both runs."""
+    before, after = comparison.before.run_id, comparison.after.run_id
+    rate = comparison.rate
+    if comparison.answer == "not comparable":
+        return f"Not comparable: {after} with {before}."
+    if comparison.answer == "not worse":
+        fall = f" by {100 * rate.margin.margin:.3g} points or more" if rate and rate.margin else " by as much as asked"
+        return f"Not worse: the pass rate of {after} did not fall{fall} below that of {before}."
+    if comparison.answer != "no difference shown":
+        often = "more" if comparison.answer == "better" else "less"
+        return f"{comparison.answer.capitalize()}: {after} passes {often} often than {before}, by more than chance."
+    if rate is None:
+        return f"No difference shown: it is open whether {after} passes more or less often than {before}."
+    if not rate.difference:
+        return f"No difference shown: {after} passes as often as {before}."
+    often = "more" if rate.difference > 0 else "less"
+    return f"No difference shown: {after} passes {often} often than {before}, but chance alone may do that."
+
+
+def _fallen(margins: Sequence[MetricChange]) -> list[str]:
+    """Returns a line about margins that fell on average; none where none did."""
+    fallen = [each for each in margins if each.fell and each.difference < 0]
+    if not fallen:
+        return []
+    sure = [each.name for each in fallen if each.changed]
+    others = [each.name for each in fallen if not each.changed]
+    told = [f"{_named(sure)}, by more than chance"] if sure else []
+    told += [f"{_named(others)}, {'not tested' if _is_untested(fallen) else 'perhaps by chance'}"] if others else []
+    return [f"Margins of requirements fell: {'; '.join(told)}."]
+
+
+def _is_untested(changes: Sequence[MetricChange]) -> bool:
+    return all(each.low is None for each in changes)
+
+
+def _named(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _MOST_PLACES} more" if len(names) > _MOST_PLACES else ""
+    return f"{', '.join(names[:_MOST_PLACES])}{more}"
+
+
+def _level(alpha: float) -> str:
+    return f"{100 * (1 - alpha):.4g}%"
 
 
 def arm_lines(run_id: str, axis: str, arm: ArmComparison) -> list[str]:
     """Formats the comparison of two values of an axis as text lines, the result first."""
     lines = [
-        f"{axis} of {run_id}: {arm.value} compared with {arm.baseline}",
-        f"{arm.result.capitalize()}: {arm.why}",
+        f"{arm.result.capitalize()}: {axis}={arm.value} compared with {axis}={arm.baseline}, in {run_id}.",
         "",
+        f"  {'why' if arm.rate is None else 'how sure':<13} {arm.why}",
     ]
     if rate := arm.rate:
         lines.append(
             f"  pass rate     {rate.before:.1%} → {rate.after:.1%}, {_points(rate.difference)} points "
             f"(95% interval {_points(rate.low)} to {_points(rate.high)})"
         )
-    return [*lines, f"  pairs         {counted(arm.pairs, 'trial')} of both values"]
+    return [*lines, f"  pairs         both values have {counted(arm.pairs, 'trial')} that differ in nothing else"]
 
 
 def history_lines(history: History, page: Path) -> list[str]:
@@ -123,7 +172,10 @@ def changed_lines(record: RunRecord) -> list[str]:
     if not is_night(record):
         return []
     since = since_last(NightRun.of(record), record.run_dir.parent)
-    return [*_changed_requirements(since), *losses_in_words(since, _MOST_JOBS)]
+    lines = [*_changed_requirements(since), *losses_in_words(since, _MOST_JOBS)]
+    if lines and since.previous_run_id:
+        lines.append(f"better or worse: robomaker compare {since.previous_run_id} {record.run_id}")
+    return lines
 
 
 def _changed_requirements(since: SinceLastRun) -> list[str]:
@@ -132,42 +184,37 @@ def _changed_requirements(since: SinceLastRun) -> list[str]:
 
 
 def _pairs(comparison: Comparison) -> str:
-    told = [counted(comparison.pairs, "job") + " of both runs"]
+    """Says how many jobs and trials both runs have, and how many of these pairs count for the answer."""
     has_trials = comparison.trials != comparison.pairs
-    told += [f"{counted(comparison.trials, 'trial')} of both"] if has_trials else []
-    told += [f"{comparison.unjudged} without a verdict in one"] if comparison.unjudged else []
+    of_both = counted(comparison.pairs, "job") + (f" with {counted(comparison.trials, 'trial')}" if has_trials else "")
+    told = [f"both runs have {of_both}"]
+    if comparison.rate:
+        told.append(f"{counted(comparison.rate.pairs, 'pair')} of {'trials' if has_trials else 'jobs'} count")
+    if comparison.unjudged:
+        told.append(f"{comparison.unjudged} without a verdict in one run")
     if comparison.other_requirements:
-        told.append(f"{comparison.other_requirements} judged by other requirements, which do not count")
-    told += [f"{comparison.other_requests} with another request"] if comparison.other_requests else []
-    told += [f"{comparison.only_before} only in the first"] if comparison.only_before else []
-    told += [f"{comparison.only_after} only in the second"] if comparison.only_after else []
-    return ", ".join(told)
+        told.append(f"{counted(comparison.other_requirements, 'job')} judged by other requirements, not counted")
+    told += [f"{counted(comparison.other_requests, 'job')} with a changed request"] if comparison.other_requests else []
+    for only, which in ((comparison.only_before, "first"), (comparison.only_after, "second")):
+        told += [f"{counted(only, 'job')} only in the {which} run"] if only else []
+    return "; ".join(told)
 
 
 def _needed(needed: NeededPairs) -> str:
-    if needed.basis == "margin":
-        return _needed_for_margin(needed)
-    basis = {
-        "asked for": "the difference asked for",
-        "as found": "the difference as found",
-        "10 points": "a difference",
+    """Says how many pairs would answer the question, in all and beside those that count."""
+    worlds = f" in {needed.worlds} worlds" if needed.worlds else ""
+    points = f"{needed.difference * 100:.3g} points"
+    shown = {
+        "margin": f"exclude a fall by {points}, if nothing changed,",
+        "asked for": f"show a difference of {points}, as asked for,",
+        "as found": f"show a difference of {points}, as found,",
+        "10 points": f"show a difference of {points}, if there is one,",
     }[needed.basis]
-    chance = f"chance of {needed.power:.0%}"
-    none = " (none was found)" if needed.basis == "10 points" else ""
-    of = f"{basis} of {needed.difference * 100:.3g} points{none}"
+    chance = f"with a chance of {needed.power:.0%}"
     if not needed.more:
-        return f"no more pairs: {needed.pairs} show {of} with a {chance}, and there are as many"
-    worlds = f" in {counted(needed.worlds, 'world')}" if needed.worlds else ""
-    return f"{counted(needed.more, 'more pair')}, {needed.pairs} in all{worlds}, to show {of} with a {chance}"
-
-
-def _needed_for_margin(needed: NeededPairs) -> str:
-    what = f"to exclude a fall by {needed.difference * 100:.3g} points with a chance of {needed.power:.0%}"
-    what = f"{what}, if nothing changed"
-    if not needed.more:
-        return f"no more pairs: {needed.pairs}, which there are, are enough {what}; so something may have changed"
-    worlds = f" in {counted(needed.worlds, 'world')}" if needed.worlds else ""
-    return f"{counted(needed.more, 'more pair')}, {needed.pairs} in all{worlds}, {what}"
+        rest = "; so something may have changed" if needed.basis == "margin" else ""
+        return f"no more pairs: {needed.pairs}{worlds} {shown} {chance}, and there are as many{rest}"
+    return f"{needed.pairs} pairs{worlds}, {needed.more} more than there are, would {shown} {chance}"
 
 
 def _paired(title: str, jobs: Sequence[PairedJob]) -> list[str]:
@@ -197,21 +244,72 @@ def _more(count: int) -> list[str]:
     return [f"    … and {count - _MOST_JOBS} more"] if count > _MOST_JOBS else []
 
 
-def _changes(kind: str, changes: Sequence[MetricChange]) -> list[str]:
-    """Lists the metrics or margins that changed between two runs; unchanged ones are only counted."""
-    changed = [each for each in changes if each.changed]
-    others = len(changes) - len(changed)
-    lines = [f"  {kind:<13} {len(changed)} changed, {others} show no change"] if changes else []
-    width = max((len(each.name) for each in changed), default=0)
-    return lines + [f"    {each.name.ljust(width)}  {_metric(each)}" for each in changed]
+def _margins(changes: Sequence[MetricChange], alpha: float) -> list[str]:
+    """Lists the requirements whose margins moved, each with the pair in which it fell most."""
+    moved = [each for each in changes if each.fell or each.rose]
+    if not changes:
+        return []
+    asked = counted(len(changes), "requirement")
+    if not moved:
+        return [f"  margins       those of {asked} stayed the same"]
+    lines = [f"  margins       those of {len(moved)} of {asked} moved"]
+    for each in moved[:_MOST_JOBS]:
+        lines.append(f"    {each.name}: {_moved(each, each.unit or '', alpha)}")
+        if fall := each.largest_fall:
+            where = fall.cell.title if fall.trial is None else f"{fall.cell.title}, trial {fall.trial}"
+            values = _values(fall.before, fall.after, each.unit or "")
+            lines.append(f"      fell in {each.fell} of {counted(each.pairs, 'pair')}, most in {where}: {values}")
+    return lines + _more(len(moved))
 
 
-def _metric(change: MetricChange) -> str:
-    values = f"{outcomes.compact(change.before)} → {outcomes.compact(change.after)}"
+def _metrics(changes: Sequence[MetricChange], alpha: float) -> list[str]:
+    """Lists the metrics that changed by more than chance, by their names for people; others are only counted."""
+    tested = [each for each in changes if each.low is not None]
+    changed = [each for each in tested if each.changed]
+    if not changes:
+        return []
+    if not tested:
+        return [f"  metrics       not tested: {_TOO_FEW}"]
+    told = [f"{len(changed)} changed by more than chance", f"{len(tested) - len(changed)} show no change"]
+    told += [f"{len(changes) - len(tested)} not tested: {_TOO_FEW}"] if len(changes) > len(tested) else []
+    lines = [f"  metrics       {', '.join(told)}"]
+    for each in changed:
+        name, unit = outcomes.name_and_unit(each.name)
+        lines.append(f"    {name}: {_moved(each, unit, alpha)}")
+    return lines
+
+
+_TOO_FEW = "there is 1 pair, and a test takes 2 or more"
+
+
+def _moved(change: MetricChange, unit: str, alpha: float) -> str:
+    """Says how a mean changed, and whether by more than chance."""
+    values = _values(change.before, change.after, unit)
     if change.low is None or change.high is None:
-        return values
-    interval = f"{_signed(change.low)} to {_signed(change.high)}"
-    return f"{values}, {_signed(change.difference)} (interval {interval}, {counted(change.pairs, 'pair')})"
+        return f"{values}; whether by chance was not tested: {_TOO_FEW}"
+    interval = f"{_level(alpha)} interval {_signed(change.low)} to {_signed(change.high)}"
+    sure = "by more than chance" if change.changed else "which may be chance"
+    difference = f"{_signed(change.difference)} {unit}".rstrip()
+    return f"{values} on average of {counted(change.pairs, 'pair')}, {difference}, {sure} ({interval})"
+
+
+def _values(before: float, after: float, unit: str) -> str:
+    return f"{outcomes.compact(before)} → {outcomes.compact(after)} {unit}".rstrip()
+
+
+def _next(comparison: Comparison) -> list[str]:
+    """Lists commands that show more: both runs side by side, and the trial that newly fails or comes nearest to it."""
+    if not comparison.pairs:
+        return []
+    before, after = comparison.before.run_id, comparison.after.run_id
+    lines = ["", f"  side by side  robomaker compare {before} {after} --report compared.html"]
+    places = [(each.job, each.trial) for change in comparison.requirements for each in change.places[:1]]
+    falls = [each.largest_fall for each in comparison.margins if each.largest_fall and each.difference < 0]
+    places += [(each.job, each.trial) for each in falls]
+    if places:
+        job, trial = places[0]
+        lines.append(f"  watch one     robomaker repro {job}" + ("" if trial is None else f" --trial {trial}"))
+    return lines
 
 
 def _nights(nights: Sequence[Night], missed: Sequence[MissedNight]) -> list[str]:
@@ -237,7 +335,7 @@ def _nights(nights: Sequence[Night], missed: Sequence[MissedNight]) -> list[str]
 
 
 def _points(share: float) -> str:
-    return f"{share * 100:+.1f}".replace("-", "−")
+    return f"{share * 100:+.1f}"
 
 
 def _signed(value: float) -> str:

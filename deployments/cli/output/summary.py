@@ -6,7 +6,7 @@ from typing import TextIO
 
 from ....schemas.reports.live_comparison import in_words
 from ....schemas.reports.run_record import JobRecord, RunRecord, StepRecord, interrupted_in_words
-from ....schemas.reports.run_states import counts_in_words
+from ....schemas.reports.run_states import counts_in_words, plain_reason
 from ....schemas.specs.parameter_values import values_in_words
 from ....schemas.wire.common import counted
 from .answers import Cell, duration, print_lines
@@ -155,7 +155,7 @@ def _job_cells(number: int, job: JobRecord) -> list[Cell]:
     verdict = job.verdict if job.verdict and job.status == "Completed" else job.status
     rooms = f"{job.rooms_visited}/{job.rooms_total}" if job.rooms_total else ""
     simulated, took = (duration(each) if each is not None else "" for each in (job.sim_time_s, job.duration_s))
-    reason = _in_one_line(job.failure_reason or job.verdict_reason or "")
+    reason = _in_one_line(job.failure_reason or plain_reason(job.verdict_reason or ""))
     known = f"known, {job.known}" if job.known else ""
     trouble = ": ".join(part for part in (known, job.failure_code or "", reason) if part)
     style = "yellow" if job.known else _VERDICT_STYLES.get(verdict, "yellow" if job.status == "Completed" else "red")

@@ -68,15 +68,18 @@ def requirement_in_words(change: RequirementChange) -> str:
     told += [f"newly met in {change.newly_met}{'' if told else f' {of}'}"] if change.newly_met else []
     same = "world and seed are" if all(place.cell.world for place in change.places) else "the seed is"
     others = dict.fromkeys(_input_in_words(each) for place in change.places for each in place.changed)
-    differs = f", {' and '.join(others)} {'is' if len(others) == 1 else 'are'} not"
-    fact = differs if others else "; `robomaker flaky` tells whether it is chance"
+    is_one = len(others) == 1 and "the requirements" not in others
+    differs = f", but {' and '.join(others)} {'differs' if is_one else 'differ'}"
+    # Jobs with trials are not run again by `flaky`.
+    tells = "verify" if any(place.trial is not None for place in change.places) else "flaky"
+    fact = differs if others else f"; `robomaker {tells}` tells whether it is chance"
     return f"{change.name}: {', '.join(told)}{f'; {same} the same{fact}' if _is_certain(change) else ''}"
 
 
 def _input_in_words(change: ChangedInput) -> str:
     if change.what == "version":
         return change.name
-    return f"application {change.name}" if change.what == "application" else f"its {change.what}"
+    return f"application {change.name}" if change.what == "application" else f"the {change.what}"
 
 
 def trend_in_words(trend: MarginTrend) -> str:

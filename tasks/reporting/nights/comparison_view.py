@@ -96,9 +96,13 @@ class ComparisonPage:
         ]
 
     @property
-    def bars(self) -> list[tuple[MetricChange, tuple[float, float, float] | None]]:
-        """Metrics that both runs have, each with its interval scaled to a plot."""
-        return [(metric, metric_bar(metric)) for metric in self.comparison.metrics] if self.comparison else []
+    def bars(self) -> list[tuple[str, MetricChange, tuple[float, float, float] | None]]:
+        """Margins and metrics that both runs have: name with unit, change, and its interval scaled to a plot."""
+        if self.comparison is None:
+            return []
+        named = [(f"margin of {each.name}", each.unit or "", each) for each in self.comparison.margins]
+        named += [(*outcomes.name_and_unit(each.name), each) for each in self.comparison.metrics]
+        return [(f"{name}, {unit}" if unit else name, each, metric_bar(each)) for name, unit, each in named]
 
 
 def metric_bar(metric: MetricChange) -> tuple[float, float, float] | None:

@@ -3,14 +3,14 @@
 import re
 import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from ....schemas.runs.plan import RunOutcome, RunPlan, VideoPolicy
+from ....schemas.runs.plan import Requirement, RunOutcome, RunPlan, VideoPolicy
 from ....schemas.runs.provenance import Provenance
 from ..states.provenance import machine_facts
 from ..supervision.launcher import Launcher
@@ -21,6 +21,8 @@ FIRST_OUTPUTS = "first"
 """Name of the subfolder with the outputs of the original run."""
 
 _MOST_OF_NAME = 200
+_TRIALS = "trials"
+"""Name of the requirement of a job with trials, the only one that counts in the job itself."""
 _TEST = '''\
 """Repeats run {run_id} of {job_id}, which {words}{how}.
 
@@ -134,8 +136,18 @@ def ending_of(outputs: RunOutputs, failure_code: str | None) -> dict[str, Any]:
     """
     if outputs.result is None:
         return {"failure_code": failure_code}
-    missed = [each.name for each in outputs.result.requirements if not each.satisfied]
+    missed = missed_names(outputs.result.requirements)
     return {"verdict": outputs.result.verdict, "missed": missed, "ended_by": outputs.result.ended_by}
+
+
+def missed_names(requirements: Sequence[Requirement]) -> list[str]:
+    """Returns the names of the missed requirements, without those that are switched off or do not count.
+
+    Args:
+        requirements: All requirements of a run's result; one of a job with trials has `trials` first.
+    """
+    has_trials = any(each.name == _TRIALS for each in requirements)
+    return [each.name for each in requirements if not each.satisfied and not each.is_aside(of_trials=has_trials)]
 
 
 def rerun_ending(outputs: RunOutputs, failure_code: str | None) -> dict[str, Any]:

@@ -4,6 +4,7 @@ The code is pure, and its memory use does not grow with the number of trials.
 """
 
 import hashlib
+import math
 from dataclasses import dataclass, field
 from typing import TypeVar
 
@@ -186,14 +187,14 @@ class Tally:
     def _remarks(self) -> list[str]:
         """Returns the notes that are shown with the verdict."""
         off = [name for name, count in self._requirements.items() if count.kind == "off"]
-        own = [f"the job has switched {', '.join(off)} off", *self._notes] if off else self._notes
+        own = [f"switched off by the job: {', '.join(off)}", *self._notes] if off else self._notes
         is_one = self.rows > 1 and self._first_digest is not None and not self._differ
         same = f"all {self.rows} trials went through the same states: they count as one trial"
         return [same, *own] if is_one else [*filter(None, (each.note for each in self._effects.values())), *own]
 
     @property
     def _in_words(self) -> str:
-        """Text that says how many trials did not pass, and which: `3 of 100 trials did not pass: 4, 17 and 33`.
+        """Text that says how many trials did not pass, and which: `3 of 100 trials did not pass: trials 4, 17, 33`.
 
         It also says if trials have no verdict, or the job was stopped.
         """
@@ -203,7 +204,7 @@ class Tally:
         if bad:
             more = bad - _NAMED
             named = ", ".join(str(number) for number in self.first_failing[:_NAMED])
-            text += f": {named}{f' and {more} more' if more > 0 else ''}"
+            text += f": trial{'s' if bad > 1 else ''} {named}{f' and {more} more' if more > 0 else ''}"
         if (unjudged := self._counts.get("unjudged", 0)) and unjudged < self.rows:
             text += f"; {unjudged} of {self.rows} have no verdict"
         if not self.is_whole:
@@ -246,16 +247,14 @@ class _RequirementCount:
     met: int = 0
     kind: str | None = None
     worst: Requirement | None = field(default=None)
-    """The requirement with the smallest margin."""
+    """The requirement with the smallest margin: of those missed, once one is, as another's would seem to be met."""
 
     def take(self, requirement: Requirement) -> None:
         self.trials += 1
         self.counted += requirement.counts
         self.met += requirement.satisfied
         self.kind = requirement.kind
-        if requirement.margin is not None and (
-            self.worst is None or self.worst.margin is None or requirement.margin < self.worst.margin
-        ):
+        if self.worst is None or _badness(requirement) < _badness(self.worst):
             self.worst = requirement
 
     def requirement(self, name: str) -> Requirement:
@@ -274,6 +273,11 @@ class _RequirementCount:
             counts=False,
             **worst,
         )
+
+
+def _badness(requirement: Requirement) -> tuple[bool, float]:
+    """Returns the sort key of a requirement: missed ones first, by margin; those without a margin after the others."""
+    return requirement.satisfied, math.inf if requirement.margin is None else requirement.margin
 
 
 def _count(counts: dict[_Key, dict[str, int]], key: _Key, counted: str) -> None:

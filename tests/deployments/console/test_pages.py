@@ -520,6 +520,15 @@ def test_the_failing_jobs_video_is_a_click_from_where_the_quickstart_ends(
         assert f'src="{links[0]}/files/video.mp4"' in browser.get(links[0]).text
 
 
+@pytest.mark.parametrize(("verdicts", "command"), [("PP", "rerun {}<"), ("PF", "rerun {} --failed<")])
+def test_a_run_in_which_nothing_failed_is_not_run_again_for_what_failed(
+    browser: Any, service: Service, verdicts: str, command: str
+) -> None:
+    night = make_night(verdicts, runs=service.settings.home / "runs")
+    store_night(night)
+    assert command.format(night.run_id) in browser.get(f"/console/runs/{night.run_id}").text
+
+
 def test_jobs_of_a_challenge_are_not_offered_to_run_again(browser: Any, service: Service) -> None:
     runs = service.settings.home / "runs"
     night, challenge = make_night("PF", name="flats", runs=runs), make_night("PF", name="flats-challenge", runs=runs)

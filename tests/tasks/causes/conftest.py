@@ -25,6 +25,7 @@ def table_of(rows: Sequence[Row]) -> ResultTable:
         "trial",
         "seed",
         "sim_time_s",
+        "ended_by",
         "verdict",
         "state_digest",
         "requirements",
@@ -41,7 +42,7 @@ def table_of(rows: Sequence[Row]) -> ResultTable:
         own = {
             "step": "drive", "test": f"world-{world}", "job": job, "world": f"content-{world}",
             "world_name": f"world-{world}", "outcome": outcome, "output": row.get("output"), "trial": trial,
-            "seed": row.get("seed", number), "sim_time_s": row.get("end_s"),
+            "seed": row.get("seed", number), "sim_time_s": row.get("end_s"), "ended_by": row.get("ended_by"),
             "verdict": "FAIL" if outcome == "failed" else "PASS",
             "state_digest": row.get("state_digest"), "requirements": json.dumps(asked),
             "requirement.polite": outcome != "failed", "margin.polite": margin,

@@ -51,7 +51,7 @@ def test_axes_of_drawn_cells_are_told_apart_from_those_that_change_nothing() -> 
 def test_what_is_too_rare_for_an_interval_is_no_claim_and_says_so() -> None:
     found = effects_of(drawn(lambda axes: 0.0 if axes["mass"] < 0.98 else 1.0, lambda _: 0.0))
     [mass] = [each for each in found["mass"].effects if not each.on]
-    assert "too few for an interval: it takes 10" in mass.refused
+    assert mass.refused.startswith("an interval takes 10 failures, and there ")
     assert found["mass"].answer == "no effect shown"
 
 
@@ -65,7 +65,7 @@ def test_values_that_few_trials_have_are_no_cause_though_none_of_them_fails() ->
     ]
     [failures, margin] = effects_of(rows)["KIND"].effects
     assert re.fullmatch(
-        r"0[\d.]+ failures to be expected with its rarer values are too few for an interval: it takes 5",
+        r"an interval takes 5 failures to be expected with its rarer values, and there are 0[\d.]+",
         failures.refused,
     )
     assert not margin.refused

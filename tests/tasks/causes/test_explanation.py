@@ -275,10 +275,9 @@ def test_too_few_failures_are_refused_with_what_would_do() -> None:
     why = explain(table_of(rows))
     assert why is not None
     assert why.groups[0].refused == (
-        "4 failures are too few to claim a cause: it takes 10 failures of this kind, "
-        "at this rate 150 trials instead of 60"
+        "a claim takes 10 failures, and there are 4; at this rate that takes 150 trials instead of 60"
     )
-    assert why.groups[0].in_words == f"polite: 4 trials; {why.groups[0].refused}"
+    assert why.groups[0].in_words == f"polite: 4 trials missed it first; {why.groups[0].refused}"
     slip = [{"axes": {"slip": 0.6 * (number % 2)}, "seed": number // 2} for number in range(16)]
     split = explain(table_of([{**row, "outcome": ("passed", "failed")[number % 2]} for number, row in enumerate(slip)]))
     assert split is not None
@@ -351,8 +350,10 @@ def test_where_no_trial_passed_those_that_failed_otherwise_are_compared() -> Non
     why = explain(table_of(two_stops()))
     assert why is not None
     said = {each.requirement: each.in_words for each in why.groups}
-    assert said["gentle"].startswith("gentle, in Living: 32 trials; STOP = near: 32 of 32, elsewhere 0 of 32: ")
-    assert said["quick"].startswith("quick: 32 trials; STOP = far: 32 of 32, elsewhere 0 of 32: ")
+    assert said["gentle"].startswith(
+        "gentle, in Living: 32 trials missed it first; STOP = near: 32 of 32, elsewhere 0 of 32: "
+    )
+    assert said["quick"].startswith("quick: 32 trials missed it first; STOP = far: 32 of 32, elsewhere 0 of 32: ")
     assert said["quick"].endswith("; 32 that failed otherwise are compared, too, as nearly none passed")
 
 
@@ -373,6 +374,20 @@ def test_a_trial_that_could_not_fail_so_is_no_comparison(rows: list[Row]) -> Non
         [],
         "no trial passed, so there is nothing to compare with (32 failed otherwise, perhaps before they could have "
         "failed so)",
+    )
+
+
+def test_a_trial_that_the_duration_limit_ended_was_not_cut_short_by_what_it_missed() -> None:
+    """A goal that is not reached is found missed at the end, also where the limit ended the trial."""
+    rows = two_stops(hides="end")
+    for row in rows:
+        if row["axes"]["STOP"] == "far":
+            row |= {"ended_by": "duration limit"}
+    why = explain(table_of(rows))
+    assert why is not None
+    [gentle] = [each for each in why.groups if each.requirement == "gentle"]
+    assert gentle.in_words.startswith(
+        "gentle, in Living: 32 trials missed it first; STOP = near: 32 of 32, elsewhere 0 of 32: "
     )
 
 

@@ -230,5 +230,5 @@ def test_pairs_that_repeat_others_are_no_more_evidence() -> None:
     assert once.rate is not None
     assert unknown.rate is not None
     assert (once.pairs, once.repeated, once.rate.pairs, once.answer) == (12, 8, 4, "no difference shown")
-    assert "8 pairs with the same states as another one count with that one" in once.why
+    assert "8 pairs repeat another pair state by state and do not count" in once.why
     assert (unknown.rate.pairs, unknown.answer) == (12, "worse")

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.reports.live_comparison import Against
-from prefect_robomaker.tasks.comparison.early_stops import Decision, PairedTrials, decide
+from prefect_robomaker.tasks.comparison.early_stops import Decision, PairedTrials, decide, told_decision
 
 ASKED = Against(run_id="old", alpha=0.05)
 MARGIN = Against(run_id="old", alpha=0.05, margin=0.1)
@@ -55,6 +55,23 @@ def test_what_broke_or_is_missing_does_not_pass(lost: str) -> None:
     hidden = decide(jobs("P" * 6 + "F" * 8, lost * 6 + "P" * 8), ASKED)
     assert (hidden.answer, hidden.depends_on_lost) == (None, True)
     assert decide(jobs("P" * 60, "P" * 20 + lost * 40), MARGIN).answer is None
+
+
+def test_copies_of_one_pair_decide_nothing() -> None:
+    """Seeds that change nothing repeat one pair, state by state: 32 copies are one, as in `compare`."""
+    copy = PairedTrials("", codes("F"), codes("P"), before_states=("a",), after_states=("b",))
+    found = decide([copy] * 32, ASKED)
+    assert (found.answer, found.pairs, found.judged, found.repeated) == (None, 32, 1, 31)
+    assert told_decision(ASKED, found, is_over=True).why == (
+        "not decided after 32 of 32 pairs; 31 pairs repeat another pair state by state and do not count"
+    )
+    decided = decide([*[copy] * 32, *jobs("F" * 12, "P" * 12)], ASKED)
+    assert (decided.answer, decided.pairs, decided.judged) == ("better", 39, 8), "seven others"
+    worlds = [
+        PairedTrials(f"world {number}", codes("FF"), codes("PP"), before_states=("a", "a"), after_states=("b", "b"))
+        for number in range(12)
+    ]
+    assert (decide(worlds, ASKED).answer, decide(worlds, ASKED).judged) == ("better", 8), "each world counts"
 
 
 def test_other_requirements_are_no_verdict_and_with_a_margin_no_pass() -> None:

@@ -289,7 +289,8 @@ def test_reruns_and_probes_are_no_nights(tmp_path: Path) -> None:
     store_night(first)
     assert changed_lines(second) == ["gentle: newly met in 1 of 1 trial",
                                      "2 jobs are gone: drive: request 1 scout, seed 1 (passed before); "
-                                  "drive: request 2 scout, seed 2 (passed before)"]  # fmt: skip
+                                  "drive: request 2 scout, seed 2 (passed before)",
+                                     f"better or worse: robomaker compare {first.run_id} {second.run_id}"]  # fmt: skip
     assert len(since_last_good(second).gone) == 2
     rerun = RerunOf(run_id=first.run_id, selection="failed", jobs_total=3, earlier={})
     assert changed_lines(second.model_copy(update={"rerun_of": rerun})) == []

@@ -23,7 +23,7 @@ def test_forty_trials_that_all_got_worse_in_one_world_are_worse_there(tmp_path: 
     assert found.rate is not None
     assert (found.rate.pairs, found.rate.worlds, found.rate.test) == (40, 1, "exact McNemar")
     assert found.why.startswith("40 pairs judged in both runs, in 1 world, p = 1.8e-12 (exact McNemar test")
-    assert found.why.endswith("in this world; other worlds were not tried")
+    assert found.why.endswith("it holds in this world, as other worlds were not tried")
 
 
 def test_pairs_that_repeat_another_one_state_by_state_count_once(tmp_path: Path) -> None:
@@ -31,13 +31,26 @@ def test_pairs_that_repeat_another_one_state_by_state_count_once(tmp_path: Path)
     copies = compared(["P" * 16], ["F" * 16], tmp_path / "copies", states="abcd" * 4)
     assert copies.rate is not None
     assert (copies.answer, copies.rate.pairs, copies.trials) == ("no difference shown", 4, 16)
-    assert copies.why.endswith("; 12 pairs with the same states as another one count with that one")
+    assert copies.why.endswith("; 12 pairs repeat another pair state by state and do not count")
     kept = compared(["P" * 16], ["P" * 16], tmp_path / "kept", states="abcdefghijklmnop", worlds=[None])
-    assert "same states" not in kept.why
+    assert "repeat" not in kept.why
     # A repeated pair is none that the second run lost.
     passing = [make_trials_night(["P" * 400], night, runs=tmp_path / "p", states="ab" * 200) for night in (0, 1)]
     found = compare(*map(NightRun.of, passing), margin=0.9)
     assert "have no verdict" not in found.why
+
+
+def test_jobs_without_trials_that_repeat_another_one_count_once() -> None:
+    """Their digests are in the records; of two that ended otherwise, judged by other requirements, both count."""
+
+    def night(letters: str, number: int) -> NightRun:
+        jobs = [make_job(index, letter, night=number, world="flat").model_copy(update={"state_digest": f"{number}"})
+                for index, letter in enumerate(letters)]  # fmt: skip
+        return NightRun.of(make_night(letters, number).model_copy(update={"jobs": jobs}))
+
+    found = compare(night("P" * 10, 0), night("F" * 9 + "P", 1))
+    assert found.rate is not None
+    assert (found.answer, found.rate.pairs) == ("no difference shown", 2)
 
 
 def test_jobs_without_a_world_have_no_other_worlds(tmp_path: Path) -> None:
@@ -71,7 +84,7 @@ def test_jobs_of_one_world_are_one_world(tmp_path: Path) -> None:
     assert (found.answer, found.rate and found.rate.worlds, found.rate and found.rate.test) == (
         "worse", 3, "exact McNemar"
     )  # fmt: skip
-    assert found.why.endswith("in these worlds; other worlds were not tried")
+    assert found.why.endswith("it holds in these worlds, as other worlds were not tried")
 
 
 def test_trials_that_only_one_run_has_are_counted(tmp_path: Path) -> None:

@@ -43,7 +43,7 @@ def test_all_reports_tell_the_same_cause_and_how_to_see_it() -> None:
         assert "robomaker repro sim-0 --trial 49" in re.sub(r"<span class=\"whole\">(--trial 49)</span>", r"\1", text)
     assert '<span class="whole">--trial 49</span>' in page, "no line breaks inside of --trial"
     assert '<span class="sub">trial 49</span>' in page, "no line begins with a comma"
-    assert first.startswith("to-bed: 46 trials; FLOOR = carpet: 38 of 186")
+    assert first.startswith("to-bed: 46 trials missed it first; FLOOR = carpet: 38 of 186")
 
 
 def test_one_failure_or_none_has_no_section() -> None:

@@ -63,7 +63,7 @@ def test_a_report_says_first_what_is_new_since_the_last_run(report: Report) -> N
     since = since_last_run([NightRun.of(each) for each in nights])
     text = markdown_report(summarize(report.model_copy(update={"since_last": since})))
     told = [item.text_content().strip() for item in page(text).iterfind(".//li")]
-    missed = "gentle: newly missed in 1 of 1 trial; world and seed are the same, application scout is not"
+    missed = "gentle: newly missed in 1 of 1 trial; world and seed are the same, but application scout differs"
     assert told[:2] == [missed, f"newly failing: {since.newly_failing[0].cell.title}"]
 
 

@@ -104,6 +104,13 @@ def test_a_requirement_that_was_met_until_the_run_broke_is_no_judgement() -> Non
     assert (share.passed, share.failed, share.errors) == (1, 2, 0)
 
 
+def test_a_missed_requirement_has_the_margin_of_a_miss_or_none() -> None:
+    """What was missed without a margin has none, though other jobs met it with some: 0.4 m beside a miss misleads."""
+    jobs = [judged(0, margin=0.4, unit="m"), judged(1, satisfied=False)]
+    [share] = by_requirement(ResultTable.of(jobs))
+    assert (share.failed, share.worst_margin, share.unit) == (1, None, None)
+
+
 def test_margins_of_different_units_are_not_compared() -> None:
     jobs = [judged(index, margin=0.4, unit=unit) for index, unit in enumerate(("m", "s"))]
     assert by_requirement(ResultTable.of(jobs))[0].worst_margin is None

@@ -93,6 +93,11 @@ def test_a_table_is_read_as_it_was_written(tmp_path: Path) -> None:
     assert read.met("unheard of").tolist() == [-1] * 6
 
 
+def test_a_job_without_trials_says_what_ended_it() -> None:
+    ended = make_job(0, "F").model_copy(update={"ended_by": "duration limit"})
+    assert ResultTable.of([ended, make_job(1, "P")]).texts("ended_by") == ["duration limit", None]
+
+
 def test_requests_of_several_steps_that_became_no_job_are_told_apart() -> None:
     lost = make_job(0, "E").model_copy(update={"label": "request 1", "status": "NotCreated"})
     other = lost.model_copy(update={"step": "push"})

@@ -49,7 +49,8 @@ def test_two_runs_are_compared_as_a_plot(browser: Any, runs: Path) -> None:
     assert "worse" in page
     assert "100 percent passed before, 20 percent after" in page
     assert re.search(r"Newly failing .*?>8<", page)
-    assert 'duration <span class="unit">s</span>' in page
+    assert ">duration, s<" in page
+    assert ">margin of gentle, N<" in page
     assert f"robomaker compare {before} {after}" in page
 
 

@@ -81,7 +81,7 @@ def test_a_report_says_what_changed(mixed_report: Any) -> None:
     assert 'Still failing <span class="count">1</span>' in opening
     assert "of 2026-03-01 02:00:00 UTC" in opening
     nothing = since_last_run([NightRun.of(make_night("PP", night)) for night in (0, 1)])
-    assert "Nothing changed: 2 jobs pass as before." in render_report(
+    assert "No verdict changed: 2 jobs pass as before. Margins may have moved: " in render_report(
         mixed_report.model_copy(update={"since_last": nothing})
     )
     assert "Since the last run" not in render_report(mixed_report)
@@ -95,7 +95,7 @@ def test_a_report_names_jobs_that_it_judges_no_more(now: str, heading: str, make
     assert f"<h3>{heading} <span" in opening
     assert "<strong>drive: world-3 scout, seed 7</strong>" in opening
     assert "failed before" in opening
-    assert "Nothing changed" not in opening
+    assert "No verdict changed" not in opening
     assert "No job" not in opening
     assert ("requirement gentle is not asked any more" in opening) == (now != "PP")
 

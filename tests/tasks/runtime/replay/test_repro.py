@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.schemas.runs.plan import RunPlan
+from prefect_robomaker.schemas.runs.plan import Requirement, RunPlan
 from prefect_robomaker.schemas.runs.provenance import PROVENANCE_FILE, Provenance
-from prefect_robomaker.tasks.runtime.replay.repro import write_reproduction
+from prefect_robomaker.tasks.runtime.replay.repro import missed_names, write_reproduction
 from prefect_robomaker.tasks.runtime.states.provenance import machine_facts
 
 
@@ -54,3 +54,12 @@ def test_what_a_run_says_of_itself_is_no_code(make_plan: Callable[..., RunPlan],
     imported = {alias.name for node in ast.walk(ast.parse(test.read_text())) if isinstance(node, ast.Import)
                 for alias in node.names}  # fmt: skip
     assert imported == {"pytest"}
+
+
+def test_what_is_switched_off_is_no_reason() -> None:
+    off = Requirement(name="rooms_visited", kind="off", satisfied=False, detail="", counts=False)
+    trials = Requirement(name="trials", satisfied=False, detail="1 of 2 trials did not pass: 0")
+    polite = Requirement(name="polite", kind="clearance", satisfied=False, detail="met in 1 of 2 trials", counts=False)
+    late = Requirement(name="late", kind="goal", satisfied=False, detail="")
+    assert missed_names([off, late]) == ["late"]
+    assert missed_names([trials, off, polite]) == ["trials", "polite"], "entries of trials count in the trials"

@@ -149,7 +149,7 @@ def test_what_the_job_switched_off_is_told_beside_its_trials() -> None:
         tally.take(TrialRow(trial=number, seed=number, verdict="PASS", requirements=[quick, rooms]))
     result = tally.result("environment", 0, {}, [])
     assert result.verdict == "PASS"
-    assert result.notes == ["the job has switched rooms off"]
+    assert result.notes == ["switched off by the job: rooms"]
     [off] = [item for item in result.requirements if item.kind == "off"]
     assert (off.satisfied, off.detail) == (False, "switched off by the job; met in 0 of 2 trials")
 
@@ -170,7 +170,9 @@ def test_the_summary_stays_small_however_many_trials_fail() -> None:
         tally.take(TrialRow(trial=number, seed=number, verdict="FAIL", reason="x" * 2000))
     result = tally.result("environment", 0, {}, [])
     assert len(result.extra["trials"]["failing"]) == MAX_FAILING
-    assert result.reason == "trials: 5000 of 5000 trials did not pass: 0, 1, 2, 3, 4, 5, 6, 7, 8, 9 and 4990 more"
+    assert (
+        result.reason == "trials: 5000 of 5000 trials did not pass: trials 0, 1, 2, 3, 4, 5, 6, 7, 8, 9 and 4990 more"
+    )
     assert len(result.model_dump_json()) < 100_000
 
 
@@ -188,3 +190,26 @@ def test_something_else_is_no_table(tmp_path: Path) -> None:
     (tmp_path / "trials.parquet").write_bytes(b"PAR1 but not really")
     with pytest.raises(ValueError, match="is no table of trials"):
         read_row(tmp_path / "trials.parquet", 0)
+
+
+@pytest.mark.parametrize(
+    ("missed", "shown"),
+    [
+        ({}, (None, None)),
+        ({"value": 1.2, "limit": 0.5, "margin": -0.7, "unit": "m"}, (-0.7, "m")),
+    ],
+)
+def test_the_entry_of_a_requirement_that_a_trial_missed_has_the_margin_of_that_trial_or_none(
+    missed: dict[str, Any], shown: tuple[float | None, str | None]
+) -> None:
+    """A goal that is reached has seconds left; one that is not lacks metres, or nothing that was measured."""
+    tally = Tally(Trials(seeds=2))
+    for number, requirement in enumerate((
+        Requirement(name="goal", kind="goal", satisfied=True, detail="", value=33.0, limit=40.0, margin=7.0, unit="s"),
+        Requirement(name="goal", kind="goal", satisfied=False, detail="", **missed),
+    )):  # fmt: skip
+        verdict = "PASS" if requirement.satisfied else "FAIL"
+        tally.take(TrialRow(trial=number, seed=number, verdict=verdict, sim_time_s=1, wall_time_s=1, steps=1,
+                            requirements=[requirement]))  # fmt: skip
+    entry = tally.result("environment", 1, {}, []).requirements[1]
+    assert (entry.satisfied, entry.margin, entry.unit) == (False, *shown)

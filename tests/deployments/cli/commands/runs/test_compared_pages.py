@@ -64,7 +64,9 @@ def test_two_values_of_an_axis_are_compared_within_one_run(robomaker: Any, axes:
     machine = robomaker("compare", "latest", "--axis", "drive.robot=rover", "-o", "json")
 
     assert told.code == machine.code == 1
-    assert f"robot of {axes}: rover compared with scout\nPasses less often: 8 pairs judged" in told.out
+    assert told.out.startswith(
+        f"Passes less often: robot=rover compared with robot=scout, in {axes}.\n\n  how sure      8 pairs"
+    )
     assert ArmComparison.model_validate_json(machine.out).answer == "worse"
     assert "7 of 8 pairs of jobs ended differently" in page.read_text()
 
@@ -82,7 +84,7 @@ def test_worlds_of_an_axis_are_found_by_the_names_that_people_see(robomaker: Any
     store_night(run)
     told = robomaker("compare", run.run_id, "--axis", "flat=flat b")
     assert told.code == 1
-    assert "Passes less often: 8 pairs judged" in told.out
+    assert "Passes less often: flat=flat b compared with flat=flat a, in" in told.out
 
 
 @pytest.mark.parametrize(

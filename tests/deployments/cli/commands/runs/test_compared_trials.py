@@ -31,9 +31,10 @@ def test_a_night_in_which_all_trials_became_worse(
 
     compared = robomaker_at_server("compare", runs[0].run_id, "latest")
     assert compared.code == 1, compared.err
-    assert "Worse: 8 pairs judged in both runs, p = 0.0078 (exact McNemar test" in compared.out
+    assert compared.out.startswith(f"Worse: {runs[1].run_id} passes less often than {runs[0].run_id}, by more than")
+    assert "  how sure      8 pairs judged in both runs, p = 0.0078 (exact McNemar test" in compared.out
     assert "  what differs  its request\n" in compared.out
-    assert "upright: newly missed in 8 of 8 trials; the seed is the same, its request is not\n" in compared.out
+    assert "upright: newly missed in 8 of 8 trials; the seed is the same, but the request differs\n" in compared.out
     assert "trial 0: leaned 0.5" in compared.out
     found = Comparison.model_validate_json(robomaker_at_server("compare", runs[0].run_id, "latest", "-o", "json").out)
     assert (found.pairs, found.trials) == (1, 8)

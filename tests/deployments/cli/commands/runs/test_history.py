@@ -37,7 +37,7 @@ def test_a_margin_that_shrinks_is_told_before_it_is_missed(robomaker: Any, home:
     said = f"gentle: its smallest margin shrinks, {margins}: missed in about 1 more"
     assert said in robomaker("history", "shrinks").out
     assert said in (home / "history" / "shrinks.html").read_text()
-    assert "Nothing changed" not in (home / "history" / "shrinks.html").read_text()
+    assert "No verdict changed" not in (home / "history" / "shrinks.html").read_text()
 
 
 def test_json_and_options(robomaker: Any, nights: None, tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """A run that is carried out beside an earlier one, as users see it: it stops when it is decided."""
 
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -101,3 +102,28 @@ def test_a_decided_run_with_more_jobs_than_the_earlier_one_ends_with_the_answer(
         f"better than {first.run_id}: decided after 8 of 8 pairs; {total - ran} jobs without a pair were not run; "
         "not run since it was decided: after\n"
     ) in ended.out
+
+
+@pytest.mark.deep
+@pytest.mark.timeout(600)
+def test_seeds_that_change_nothing_decide_nothing(
+    robomaker_at_server: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All poles begin at the same angle: 10 pairs that all get better are one pair, for the run and for `compare`."""
+    shutil.copytree(PACKAGE, tmp_path / "bundle")
+    arena = tmp_path / "bundle" / "my_cartpole" / "arena.py"
+    text = arena.read_text()
+    assert "self._rng.uniform(-0.05, 0.05)" in text
+    arena.write_text(text.replace("self._rng.uniform(-0.05, 0.05)", "0.03"))
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path / "bundle"))
+    monkeypatch.syspath_prepend(str(tmp_path / "bundle"))
+    spec = tmp_path / "poles.yaml"
+    spec.write_text(poles().replace("seeds: 30", "seeds: 10"))
+    before = RunRecord.model_validate_json(robomaker_at_server("run", spec, "--set", "gain=-1", "-o", "json").out)
+    ended = robomaker_at_server("run", spec, "--against", before.run_id, "-o", "json")
+    found = RunRecord.model_validate_json(ended.out).against
+    assert found is not None
+    assert (ended.code, found.answer) == (6, "no difference shown"), ended.err
+    assert "repeat another pair state by state" in found.why
+    compared = robomaker_at_server("compare", before.run_id, "latest", "-o", "json")
+    assert compared.code == 6
