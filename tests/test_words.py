@@ -70,6 +70,8 @@ NEVER_ONE = (
     "are {total} worlds",
     "{len(names)} worlds",
     "{count} of {total} jobs",
+    "takes {needed:,} trials",
+    "takes {FEWEST_TRIALS} trials",
     "all {total} jobs",
 )
 """Counts that are above one wherever these are said."""

@@ -202,7 +202,7 @@ def _pairs(comparison: Comparison) -> str:
 
 def _needed(needed: NeededPairs) -> str:
     """Says how many pairs would answer the question, in all and beside those that count."""
-    worlds = f" in {needed.worlds} worlds" if needed.worlds else ""
+    worlds = f" in {counted(needed.worlds, 'world')}" if needed.worlds else ""
     points = f"{needed.difference * 100:.3g} points"
     shown = {
         "margin": f"exclude a fall by {points}, if nothing changed,",

@@ -14,6 +14,7 @@ from ....schemas.reports.progress import (
     TrialCounts,
 )
 from ....schemas.runs.programs import IN_WORDS, Wait
+from ....schemas.wire.common import counted
 from .answers import duration
 
 BAD_STATUSES = frozenset({"Failed", "Canceled", "TimedOut", "PartialFailed", "Skipped"})
@@ -53,7 +54,7 @@ class StepState:
 
     def trials_text(self) -> str:
         """Returns a step's trial counts: `3,100 of 10,000 trials`; empty if there are none."""
-        return "" if self.trials is None else f"{self.trials.finished:,} of {self.trials.total:,} trials"
+        return "" if self.trials is None else f"{self.trials.finished:,} of {counted(self.trials.total, 'trial', ',')}"
 
     def after_trials_text(self) -> str:
         """Says what jobs do after their last trial, which may take minutes; empty before, and at the end.
@@ -64,7 +65,10 @@ class StepState:
         if told is None or self.done >= self.total:
             return ""
         done, total = told.work
-        parts = [f"{told.recorded} of {told.to_record} trials recorded" if told.to_record else "", told.recording]
+        parts = [
+            f"{told.recorded} of {counted(told.to_record, 'trial')} recorded" if told.to_record else "",
+            told.recording,
+        ]
         parts += ["outputs are stored" if self.is_running and done == total else ""]
         return ", ".join(filter(None, parts))
 
