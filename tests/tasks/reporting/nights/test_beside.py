@@ -51,7 +51,7 @@ def test_a_page_says_how_many_pairs_it_takes(basis: Any, more: int, words: str) 
     nights = [NightRun.of(make_night("PPFF", 0)), NightRun.of(make_night("PFPF", 1))]
     needed = NeededPairs(basis=basis, difference=0.1, discordant=0.2, power=0.8, pairs=78, more=more)
     comparison = compare(*nights).model_copy(update={"needed": needed})
-    sides = [ComparedSide(letter, letter, run.run_id) for letter, run in zip("AB", nights, strict=True)]
-    page = ComparisonPage("nightly", *sides, comparison, [], 0, 0, 0, 1, [], [])
+    before, after = [ComparedSide(letter, letter, run.run_id) for letter, run in zip("AB", nights, strict=True)]
+    page = ComparisonPage("nightly", before, after, comparison, [], 0, 0, 0, 1, [], [])
     html = render_page("comparison.html.j2", ("history.css", "comparison.css"), page)
     assert words in " ".join(re.sub("<[^>]+>", "", html).split())
