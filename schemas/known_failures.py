@@ -17,6 +17,7 @@ from typing import Annotated
 
 from pydantic import BeforeValidator, Field
 
+from .runs.trials import OF_ALL_TRIALS
 from .wire.base import Model
 
 
@@ -162,6 +163,8 @@ def idle_failures(jobs: Sequence[ReportedFailures], known: Sequence[KnownFailure
         where = "any job" if each.match.job == "*" else each.match.job
         about = f"the known failure of {each.match.requirement} in {where} ({each.owner})"
         meant = [job for job in jobs if each.is_about(job.names)]
+        missed = {name for job in meant for name in job.missed or ()}
+        occurred = any(each.covers(job.names, name) for job in meant for name in missed)
         is_over = day > each.until
         was = f" was known until {each.until}" if is_over else ""
         if not meant:
@@ -170,9 +173,12 @@ def idle_failures(jobs: Sequence[ReportedFailures], known: Sequence[KnownFailure
                 f"{about} is about no job of this run, as {' or '.join(map(repr, job.names))} is{over}"
                 for job in jobs[:1]
             ]
-        elif all(job.missed is not None for job in meant) and not any(
-            each.covers(job.names, name) for job in meant for name in job.missed or ()
-        ):
+        elif OF_ALL_TRIALS in missed and not occurred:
+            told.append(
+                f"{about} marks no failure: a job with trials misses `{OF_ALL_TRIALS}`, whatever its trials missed; "
+                f"`requirement: {OF_ALL_TRIALS}` would cover all of them"
+            )
+        elif not occurred and all(job.missed is not None for job in meant):
             told.append(f"{about}{was and f'{was} and'} did not occur; if it is mended, remove it from `known`")
         elif is_over:
             told.append(f"{about}{was}; it counts again")

@@ -8,6 +8,7 @@ from pydantic import Field
 from ..exit_codes import IN_WORDS
 from ..known_failures import ReportedFailures, idle_failures, known_failure, partly_known
 from ..runs.plan import Verdict
+from ..runs.trials import OF_ALL_TRIALS
 from ..wire.base import Model, optional
 from .live_comparison import in_words as answer_in_words
 from .run_record import CaseOutcome, JobRecord, RerunOf, RunRecord, RunState
@@ -41,10 +42,6 @@ class FlowResult(Model):
     counts: dict[CaseOutcome, int] = Field(default={}, description="Number of jobs by outcome.")
     run_id: str | None = optional("Id of the run of a specification; absent: of a job alone.")
     report: str | None = optional("Path of the report; absent: none was written.")
-
-
-_TRIALS = "trials"
-"""Name of the requirement of a job with trials that counts instead of those of its trials."""
 
 
 def result_of(record: RunRecord) -> FlowResult:
@@ -130,14 +127,14 @@ def names_for_known(job: JobRecord, rerun_of: RerunOf | None) -> tuple[str, ...]
 
 
 def _covered(job: JobRecord) -> str:
-    """Says which failing trials a known failure covers, all of the job's; empty for a job without trials."""
-    found = (item.detail for item in job.requirements if item.name == _TRIALS and item.counts and not item.satisfied)
-    return "".join(f"; covers all that failed: {detail}" for detail in found)
+    """Says that a known failure covers all of the job's failing trials; empty for a job without trials."""
+    found = any(item.name == OF_ALL_TRIALS and item.counts and not item.satisfied for item in job.requirements)
+    return "; covers all trials that failed" if found else ""
 
 
 def plain_reason(reason: str) -> str:
     """Returns why a job did not pass, without the name `trials`: what follows it says that it is about trials."""
-    return reason.removeprefix(f"{_TRIALS}: ")
+    return reason.removeprefix(f"{OF_ALL_TRIALS}: ")
 
 
 def _missed(job: JobRecord) -> list[str]:

@@ -26,6 +26,8 @@ from .trial_designs import Cell, Cells, TrialDesign
 
 TRIALS_VARIABLE = "ROBOMAKER_TRIALS"
 """Name of the launch variable with trials as JSON."""
+OF_ALL_TRIALS = "trials"
+"""Requirement of a job with trials: that all of them pass."""
 MAX_TRIALS = 1_000_000
 """Maximum number of trials of a job."""
 MAX_RECORDED = 1000

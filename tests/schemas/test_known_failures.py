@@ -125,3 +125,10 @@ def test_who_mends_it_until_when_and_why_is_told() -> None:
 def test_what_is_no_day_is_told_with_one_that_is(until: object) -> None:
     with pytest.raises(ValueError, match="a day is written as in 2027-01-15"):
         KnownFailure.model_validate({"match": {"requirement": "clearance"}, "owner": "anna", "until": until})
+
+
+def test_a_requirement_of_trials_is_not_said_to_be_mended_where_they_failed() -> None:
+    """Trials had missed it, and the sentence asked to remove the entry."""
+    (told,) = idle_failures([job("world-1 scout", ["trials"])], [known()], DAY)
+    assert told.endswith("`requirement: trials` would cover all of them")
+    assert idle_failures([job("world-1 scout", ["trials"])], [known(requirement="trials")], DAY) == []

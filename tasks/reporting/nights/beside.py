@@ -12,6 +12,7 @@ from ....schemas.reports.report import ReportedFile
 from ....schemas.reports.run_record import JobRecord
 from ....schemas.runs.plan import Requirement, RunResult
 from ....schemas.runs.trial_rows import TRIALS_FOLDER
+from ....schemas.runs.trials import OF_ALL_TRIALS
 from ....schemas.worlds.world import World
 from .. import outcomes
 from ..drawings import plan
@@ -22,7 +23,6 @@ from ..worlds import read_world
 from .trials_beside import TrialsBeside
 
 _WHOLE, _CLIP = "video.mp4", "last-10s.mp4"
-_TRIALS = "trials"
 
 VideoLink = Callable[[JobRecord, ReportedFile], str]
 """Function that returns the URL of a job's video; empty where browsers cannot open it."""
@@ -306,7 +306,7 @@ def _missing_paths(jobs: Sequence[JobRecord], drives: Sequence[Drive]) -> str:
 
 
 def _has_trials(job: JobRecord) -> bool:
-    return any(item.name == _TRIALS for item in job.requirements)
+    return any(item.name == OF_ALL_TRIALS for item in job.requirements)
 
 
 def _why_no_world(drives: Sequence[Drive]) -> str:
@@ -351,7 +351,7 @@ def _first_miss(requirements: Sequence[Requirement]) -> Miss | None:
 
 
 def _first_miss_in_words(job: JobRecord, outcome: Outcome) -> str:
-    if own := next((item for item in job.requirements if item.name == _TRIALS), None):
+    if own := next((item for item in job.requirements if item.name == OF_ALL_TRIALS), None):
         return own.detail
     missed = [item for item in job.requirements if item.counts and not item.satisfied and item.error is None]
     if not missed:

@@ -12,6 +12,7 @@ from typing import Any
 
 from ....schemas.runs.plan import Requirement, RunOutcome, RunPlan, VideoPolicy
 from ....schemas.runs.provenance import Provenance
+from ....schemas.runs.trials import OF_ALL_TRIALS
 from ..states.provenance import machine_facts
 from ..supervision.launcher import Launcher
 from .replay import RunOutputs, read_outputs, rerun_plan, why_not_comparable, why_other_inputs
@@ -21,8 +22,6 @@ FIRST_OUTPUTS = "first"
 """Name of the subfolder with the outputs of the original run."""
 
 _MOST_OF_NAME = 200
-_TRIALS = "trials"
-"""Name of the requirement of a job with trials, the only one that counts in the job itself."""
 _TEST = '''\
 """Repeats run {run_id} of {job_id}, which {words}{how}.
 
@@ -146,7 +145,7 @@ def missed_names(requirements: Sequence[Requirement]) -> list[str]:
     Args:
         requirements: All requirements of a run's result; one of a job with trials has `trials` first.
     """
-    has_trials = any(each.name == _TRIALS for each in requirements)
+    has_trials = any(each.name == OF_ALL_TRIALS for each in requirements)
     return [each.name for each in requirements if not each.satisfied and not each.is_aside(of_trials=has_trials)]
 
 

@@ -5,6 +5,7 @@ The code is pure, and its memory use does not grow with the number of trials.
 
 import hashlib
 import math
+import textwrap
 from dataclasses import dataclass, field
 from typing import TypeVar
 
@@ -21,16 +22,16 @@ from ....schemas.runs.trial_rows import (
     TrialRow,
     TrialsSummary,
 )
-from ....schemas.runs.trials import Trials
+from ....schemas.runs.trials import OF_ALL_TRIALS, Trials
 from ....schemas.wire.common import counted
 from ..episode.verdicts import Parts, TrialParts, decide_verdict
 from .axis_parts import AxisEffect, AxisParts, Part
 
 MAX_NAMES = 200
 """Maximum number of different metrics, and of different requirements, that are counted; the first ones are."""
-OF_ALL_TRIALS = "trials"
-"""Name of the job's requirement that no trial fails."""
 _NAMED = 10
+_MOST_MISSED = 3
+"""Number of the requirements that a job's reason names, those that most trials missed."""
 _MAX_NOTES = 5
 _REASON_CHARACTERS = 300
 OFF_BY_JOB = "switched off by the job; "
@@ -194,9 +195,10 @@ class Tally:
 
     @property
     def _in_words(self) -> str:
-        """Text that says how many trials did not pass, and which: `3 of 100 trials did not pass: trials 4, 17, 33`.
+        """Text that says how many trials did not pass, which, and why.
 
-        It also says if trials have no verdict, or the job was stopped.
+        `2 of 9 trials did not pass: trials 4, 7; missed: soft 2`. It also says if trials have no verdict, or the job was
+        stopped.
         """
         bad = self._counts.get("failed", 0) + self._counts.get("errors", 0)
         trials = counted(self.rows, "trial")
@@ -204,13 +206,29 @@ class Tally:
         if bad:
             more = bad - _NAMED
             named = ", ".join(str(number) for number in self.first_failing[:_NAMED])
-            text += f": trial{'s' if bad > 1 else ''} {named}{f' and {more} more' if more > 0 else ''}"
+            text += f": trial{'s' if bad > 1 else ''} {named}{f' and {more} more' if more > 0 else ''}{self._why}"
         if (unjudged := self._counts.get("unjudged", 0)) and unjudged < self.rows:
             text += f"; {unjudged} of {self.rows} have no verdict"
         if not self.is_whole:
             text += f"; stopped in trial {self.rows} of {self._trials.count}"
             text += f": {self.unanswered}" if self.unanswered else ""
         return text
+
+    @property
+    def _why(self) -> str:
+        """Says what was missed most often, as `; missed: gentle 8, to-bed 3`, and why the first trial broke."""
+        missed = {name: count.missed for name, count in self._requirements.items() if count.missed}
+        worst = sorted(missed, key=lambda name: -missed[name])
+        told = ", ".join(f"{name} {missed[name]}" for name in worst[:_MOST_MISSED])
+        others = len(worst) - _MOST_MISSED
+        text = f"; missed: {told}{f' and {others} more' if others > 0 else ''}" if told else ""
+        broke = next((each for each in self._failing if each.verdict == "ERROR"), None)
+        reason = next(iter(broke.reason.strip().splitlines()), "") if broke else ""
+        return (
+            f"{text}; trial {broke.trial} broke: {textwrap.shorten(reason, _REASON_CHARACTERS, placeholder=' …')}"
+            if broke and reason
+            else text
+        )
 
     def _metrics(self, counts: TrialCounts) -> dict[str, float]:
         judged = counts.passed + counts.failed
@@ -245,6 +263,8 @@ class _RequirementCount:
     trials: int = 0
     counted: int = 0
     met: int = 0
+    missed: int = 0
+    """Number of the trials in which it counted, was judged, and was not met."""
     kind: str | None = None
     worst: Requirement | None = field(default=None)
     """The requirement with the smallest margin: of those missed, once one is, as another's would seem to be met."""
@@ -253,6 +273,7 @@ class _RequirementCount:
         self.trials += 1
         self.counted += requirement.counts
         self.met += requirement.satisfied
+        self.missed += requirement.counts and not requirement.satisfied and requirement.error is None
         self.kind = requirement.kind
         if self.worst is None or _badness(requirement) < _badness(self.worst):
             self.worst = requirement
