@@ -78,7 +78,7 @@ def robomaker(robomaker_at_server: Command, repository: Path, monkeypatch: pytes
 def test_two_nights_with_a_robot_that_gets_worse(robomaker: Command, repository: Path, tmp_path: Path) -> None:
     first = night(robomaker, repository, 0)
     page = text_of(first)
-    assert "This is the first run of the specification that has results here" in page
+    assert "there is no earlier run to compare it with" in page
 
     agent = repository / "my_cartpole" / "agent.py"
     agent.write_text(agent.read_text().replace("/ 10.0", "/ -10.0"))

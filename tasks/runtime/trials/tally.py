@@ -197,7 +197,7 @@ class Tally:
     def _in_words(self) -> str:
         """Text that says how many trials did not pass, which, and why.
 
-        `2 of 9 trials did not pass: trials 4, 7; missed: soft 2`. It also says if trials have no verdict, or the job was
+        `2 of 9 trials did not pass: trials 4, 7; missed: soft 2`. It also says if trials have no verdict or the job was
         stopped.
         """
         bad = self._counts.get("failed", 0) + self._counts.get("errors", 0)
