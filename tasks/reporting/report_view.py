@@ -189,6 +189,7 @@ class Page:
         """Anchors and titles of the sections that the page has, in the order of the page."""
         found: list[tuple[str, str, object]] = [
             ("challenge", "Sabotages", self.report.challenge),
+            ("since", "What changed", self.is_compared),
             ("failures", "What failed", self.failures),
             ("errors", "What broke", self.errors),
             ("known", "Known failures", self.known),
@@ -197,7 +198,6 @@ class Page:
             ("why", "Why", self.why),
             ("axes", "Axes", self.report.axes),
             ("effects", "What depends on which axis", self.report.effects),
-            ("since", "What changed", self.is_compared),
             ("time", "Time", True),
             ("jobs", self.title_of_others, self.others),
             ("worlds", "Worlds", self.worlds),
