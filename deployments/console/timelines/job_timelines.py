@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -14,7 +14,7 @@ from ....schemas.documents.simulation_jobs import SimulationJobDocument
 from ....schemas.documents.worlds import StoredPlace
 from ....schemas.lifecycles import is_terminal
 from ....schemas.runs.plan import RunResult
-from ....schemas.runs.trial_rows import TrialsSummary, trial_folder
+from ....schemas.runs.trial_rows import FailingTrial, TrialsSummary, trial_folder
 from ....schemas.wire.errors import ObjectNotFoundError, StorageError
 from ....tasks.reporting.drawings.trajectory import finite_path
 from ....tasks.runtime.episode.run_results import MAX_RESULT_BYTES, RESULT_FILE
@@ -63,6 +63,8 @@ class JobTimeline:
     """Folder of the run's files within the job's outputs, with a slash; empty for the job itself."""
     planned: int = 0
     """Number of all trials; 0: the job has none."""
+    failing: Mapping[int, FailingTrial] = field(default_factory=dict)
+    """First trials that did not pass, by number, with the values of their axes."""
 
     @property
     def command(self) -> str:
@@ -92,15 +94,18 @@ def timeline_of(place: StoredPlace | None, files: Mapping[str, int], service: Se
         place: Place of the job's outputs; None: it has none.
         files: Names and sizes of the outputs.
         service: The service, with its object store.
-        trial: Number of the trial to show, as text; empty, or no number of a trial: the first one that was recorded.
+        trial: Number of the trial to show, as text; empty, or no number of a trial: the first recorded one that did not
+            pass, else the first recorded one.
     """
     result = _result(place, RESULT_FILE, files, service)
     summary = TrialsSummary.of(result)
     trials = [] if summary is None else [each for each in summary.recorded if _has_any(files, trial_folder(each))]
+    failing = {} if summary is None else {each.trial: each for each in summary.failing}
     asked = _number(trial, trials, 0 if summary is None else summary.planned)
     if summary is not None and (not trials or (asked is not None and asked not in trials)):
-        return _not_recorded(asked, trials, summary.planned)
-    shown = None if summary is None else trials[0] if asked is None else asked
+        return replace(_not_recorded(asked, trials, summary.planned), failing=failing)
+    first = next((each for each in failing if each in trials), trials[0] if trials else None)
+    shown = None if summary is None else first if asked is None else asked
     folder = "" if shown is None else f"{trial_folder(shown)}/"
     if shown is not None:
         result = _result(place, folder + RESULT_FILE, files, service)
@@ -114,6 +119,7 @@ def timeline_of(place: StoredPlace | None, files: Mapping[str, int], service: Se
             trials=trials,
             folder=folder,
             planned=0 if summary is None else summary.planned,
+            failing=failing,
         )
     of_run = [name for name in VIDEOS if folder + name in files]
     videos = {name: times for name in of_run if (times := _in_step(name, recorded, result)) is not None}
@@ -129,6 +135,7 @@ def timeline_of(place: StoredPlace | None, files: Mapping[str, int], service: Se
         result=result,
         folder=folder,
         planned=0 if summary is None else summary.planned,
+        failing=failing,
     )
 
 
@@ -270,7 +277,7 @@ def _number(trial: str, trials: Sequence[int], planned: int) -> int | None:
 
 def _not_recorded(trial: int | None, trials: Sequence[int], planned: int) -> JobTimeline:
     who = "None of its trials was recorded" if trial is None else f"Trial {trial} was not recorded"
-    why = "the first that do not pass are, and those that `record` of `trials` names"
+    why = "the first that do not pass are, and those that the specification names as trials.record"
     none = _none(f"{who}, so there is no time line, video or plan: {why}.")
     folder = "" if trial is None else f"{trial_folder(trial)}/"
     return replace(none, trial=trial, trials=trials, planned=planned, folder=folder)

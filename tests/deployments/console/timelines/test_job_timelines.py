@@ -229,6 +229,24 @@ def test_a_job_with_trials_shows_one_that_was_recorded(
     assert gaps(browser.get(f"/console/jobs/{bare}").text)[0].startswith("None of its trials was recorded")
 
 
+def test_a_failed_job_opens_on_a_trial_that_failed_and_its_trials_have_the_values_of_their_axes(
+    browser: Any, store_job: Callable[..., str]
+) -> None:
+    """It opened on trial 0, which had passed, under a red "failed"."""
+    bad = {"seed": 1, "verdict": "FAIL", "reason": "gentle: 40 N"}
+    failing = [{**bad, "trial": 2, "axes": {"SPEED": "fast"}}, {**bad, "trial": 3, "axes": {"SPEED": "slow"}}]
+    summary = {"planned": 4, "counts": {"passed": 2, "failed": 2}, "recorded": [0, 2], "failing": failing}
+    files = outputs(RESULT.model_copy(update={"extra": {"trials": summary}}), None)
+    for trial in (0, 2):
+        files |= {f"trials/{trial:06d}/{name}": data for name, data in outputs().items()}
+    job = store_job(verdict="FAIL", files=files)
+    page = browser.get(f"/console/jobs/{job}").text
+    assert "Time line of trial 2" in page
+    assert 'trial 2 <span class="sub">SPEED=fast</span>' in page
+    unrecorded = browser.get(f"/console/jobs/{job}?trial=3").text
+    assert "Trial 3 with seed 1, SPEED=slow: gentle: 40 N" in unrecorded
+
+
 def test_a_recorded_trial_has_lines_of_its_own_log_and_a_link_from_its_row(
     browser: Any, store_job: Callable[..., str]
 ) -> None:
