@@ -10,6 +10,7 @@ from ...schemas.documents.worlds import StoredPlace
 from ...schemas.lifecycles import is_terminal
 from ...schemas.reports.report import Share
 from ...schemas.reports.run_record import JobRecord
+from ...schemas.reports.run_states import plain_reason
 from ...tasks.catalog import Resource
 from ...tasks.reporting import classify
 from ...tasks.results.rates import share_of
@@ -87,7 +88,7 @@ def job_line(job: Resource) -> JobLine:
     else:
         look = _look_of_unfinished(job.status, draws=document.simulated_at is not None)
     told = (document.failure_reason, document.verdict_reason) if job.status == "Failed" else (document.verdict_reason,)
-    reason = next((text for text in told if text), "")
+    reason = plain_reason(next((text for text in told if text), ""))
     code = f"{document.failure_code}: " if document.failure_code and job.status == "Failed" else ""
     took = document.simulation_time_millis
     return JobLine(
