@@ -125,7 +125,9 @@ def _choose(policy: RetentionPolicy, service: Service) -> _Chosen:
     orphans = _orphans(policy, service, runs, chosen)
     imported = [world for world in orphans if is_imported(world)]
     if imported and not policy.imported_worlds:
-        notes.append(f"imported worlds stay ({len(imported)}), as specifications may name them: --imported-worlds")
+        notes.append(
+            f"imported worlds stay ({len(imported)}), as specifications may name them; --imported-worlds removes them"
+        )
     asked = {True: policy.imported_worlds, False: policy.orphaned_worlds}
     return replace(chosen, worlds=[world for world in orphans if asked[is_imported(world)]])
 
