@@ -23,7 +23,10 @@ class RetentionPolicy(Model):
         default=False, description="Whether only recordings, videos and logs go, and records, reports and results stay."
     )
     sdk_jobs: bool = Field(default=False, description="Whether jobs that no run of a specification made go too.")
-    orphaned_worlds: bool = Field(default=False, description="Whether worlds go that nothing kept names.")
+    orphaned_worlds: bool = Field(
+        default=False, description="Whether worlds go that were generated or varied, and that nothing kept names."
+    )
+    imported_worlds: bool = Field(default=False, description="Whether imported worlds go that nothing kept names.")
     orphaned_recordings: bool = Field(
         default=False,
         description="Whether recordings that were stored to be judged go that no job and no open run names.",
@@ -45,6 +48,7 @@ class RetentionPolicy(Model):
         by_age = {
             "--sdk-jobs": self.sdk_jobs,
             "--orphaned-worlds": self.orphaned_worlds,
+            "--imported-worlds": self.imported_worlds,
             "--orphaned-recordings": self.orphaned_recordings,
         }
         for option, asked in by_age.items():

@@ -34,6 +34,9 @@ CREATE_EXPORT_ERRORS: tuple[ErrorClass, ...] = (NOT_FOUND, INVALID, INTERNAL, TH
 READS = ("Describe", "List", "Get", "BatchDescribe")
 """Prefixes of operations that change nothing."""
 
+CHANGES = ("BatchDelete", "Cancel", "Delete", "Deregister", "Tag", "Untag", "Update")
+"""Prefixes of operations that change or delete what is there."""
+
 
 @dataclass(frozen=True)
 class OperationShape:

@@ -22,6 +22,7 @@ from .inventory import (
     find_orders,
     find_runs,
     find_worlds,
+    is_imported,
     takers_over,
     with_failure,
     with_jobs_of,
@@ -105,7 +106,7 @@ def _choose(policy: RetentionPolicy, service: Service) -> _Chosen:
     units = list(runs)
     # A run whose record cannot be read may name anything.
     readable = all(run.record is not None or run.state != "unknown" for run in runs)
-    if not readable and (policy.sdk_jobs or policy.orphaned_worlds):
+    if not readable and (policy.sdk_jobs or policy.orphaned_worlds or policy.imported_worlds):
         notes.append("a run's record cannot be read, so jobs of SDKs and worlds are left: it may name them")
     if policy.sdk_jobs and readable:
         units += [_judged(unit, policy, service) for unit in find_orders(service, runs)]
@@ -119,7 +120,16 @@ def _choose(policy: RetentionPolicy, service: Service) -> _Chosen:
     takers = takers_over(service, {arn for unit in units for arn in unit.jobs})
     holders = takers | named_by(names, reasons.keys()) | required
     chosen = _Chosen(units, reasons, holders, [], notes)
-    return replace(chosen, worlds=_orphans(policy, service, runs, chosen)) if readable else chosen
+    if not readable:
+        return chosen
+    orphans = _orphans(policy, service, runs, chosen)
+    imported = [world for world in orphans if is_imported(world)]
+    if imported and not policy.imported_worlds:
+        notes.append(
+            f"imported worlds stay ({len(imported)}), as specifications may name them; --imported-worlds removes them"
+        )
+    asked = {True: policy.imported_worlds, False: policy.orphaned_worlds}
+    return replace(chosen, worlds=[world for world in orphans if asked[is_imported(world)]])
 
 
 def _thins(unit: Unit, policy: RetentionPolicy) -> bool:
@@ -139,9 +149,10 @@ def _removed(policy: RetentionPolicy, chosen: _Chosen) -> Set[str]:
 def _orphans(policy: RetentionPolicy, service: Service, runs: list[Unit], chosen: _Chosen) -> list[Resource]:
     """Returns worlds that are older than the policy's age, and that no kept run, job or deployment uses.
 
-    Returns none if the policy does not ask for orphaned worlds or sets no age.
+    Imported worlds are among them, whether the policy asks for these or for others. Returns none if it asks for neither
+    or sets no age.
     """
-    if not policy.orphaned_worlds or policy.older_than is None:
+    if not (policy.orphaned_worlds or policy.imported_worlds) or policy.older_than is None:
         return []
     gone, removed = _gone(policy, chosen), _removed(policy, chosen)
     stay = {unit.candidate.id for unit in chosen.units} - {unit.candidate.id for unit in gone}

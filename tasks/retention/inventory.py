@@ -85,6 +85,11 @@ def find_worlds(service: Service, runs: list[Unit]) -> list[Resource]:
     return [world for world in _all(service, ("world",)) if not _is_since(world, since)]
 
 
+def is_imported(world: Resource) -> bool:
+    """Returns whether somebody made a world by `robomaker world import`: no seed and no job makes it again."""
+    return world.id.startswith("import-")
+
+
 def worlds_of_jobs(service: Service, besides: Set[str]) -> set[str]:
     """Returns the ARNs of the worlds that jobs and batches use.
 

@@ -91,6 +91,23 @@ def find_world(wanted: str, service: Service, besides: str = "") -> Resource:
     return _one(wanted, WORLD, service, worlds_meant(wanted, service), besides)
 
 
+def find_only_world(wanted: str, service: Service) -> Resource:
+    """Returns the only world that a text means, as what changes or deletes a world needs it.
+
+    Worlds of one name count as several, even those that are the same to the letter.
+
+    Args:
+        wanted: ARN, id or its beginning, or name.
+        service: The service, with its catalog.
+
+    Raises:
+        ConfigurationError: No world is meant, or any of several.
+        InvalidParameterException: The ARN of something else.
+        ResourceNotFoundException: The catalog has no world of the ARN.
+    """
+    return _one(wanted, WORLD, service, worlds_meant(wanted, service, with_equal=True))
+
+
 def find_job(wanted: str, service: Service, besides: str = "") -> Resource:
     """Returns the simulation job that a person means by a text.
 
@@ -133,25 +150,26 @@ def find_by_id(wanted: str, kinds: Sequence[Kind], service: Service, besides: st
     return found[0]
 
 
-def worlds_meant(wanted: str, service: Service) -> list[Resource]:
+def worlds_meant(wanted: str, service: Service, *, with_equal: bool = False) -> list[Resource]:
     """Lists the worlds that a text may mean, newest first; of equal worlds of one name only the newest.
 
-    An ARN or a whole id goes before names, and names before beginnings of ids: `flat` may be both.
+    An ARN or a whole id goes before names, and names before beginnings of ids: `flat` may be both. With `with_equal`,
+    equal worlds are listed too.
     """
     found = _by_arn_or_id(wanted, WORLD, service)
     if wanted.startswith("arn:") or any(each.id == wanted for each in found):
         return found
-    return worlds_named(wanted, service) or found
+    return worlds_named(wanted, service, with_equal=with_equal) or found
 
 
-def worlds_named(name: str, service: Service) -> list[Resource]:
-    """Lists the worlds of a name, newest first; of equal worlds only the newest."""
+def worlds_named(name: str, service: Service, *, with_equal: bool = False) -> list[Resource]:
+    """Lists the worlds of a name, newest first; of equal worlds only the newest, unless `with_equal`."""
     contents: dict[str, Resource] = {}
     # A template's name may have its accents apart, and so the names of its worlds; given names have them composed.
     labelled = (_with_label(each, WORLD, service) for each in dict.fromkeys((name, composed(name))))
     for world in chain(*labelled, _early_worlds(name, service)):
         bundle = WorldDocument.of(world).bundle
-        contents.setdefault(bundle.last_part if bundle else world.id, world)
+        contents.setdefault(bundle.last_part if bundle and not with_equal else world.id, world)
         if len(contents) == _MOST:
             break
     return list(contents.values())
@@ -170,7 +188,7 @@ def jobs_meant(wanted: str, service: Service) -> list[Resource]:
     return list(islice(_with_label(wanted, JOB, service), _MOST))
 
 
-def _one(wanted: str, kind: Kind, service: Service, found: list[Resource], besides: str) -> Resource:
+def _one(wanted: str, kind: Kind, service: Service, found: list[Resource], besides: str = "") -> Resource:
     if len(found) == 1:
         return found[0]
     if found:

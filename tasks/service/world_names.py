@@ -3,58 +3,76 @@
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from ...schemas.specs.specification import CheckedSpec
+from ...schemas.specs.specification import CheckedSpec, CheckedStep
 from ...schemas.specs.yaml_nodes import ListNode, MappingNode, Node, ScalarNode
 from ...schemas.wire.errors import Problem, RobomakerError, SpecError
+from ...schemas.wire.operation_shape import CHANGES
 from ...schemas.wire.request_problems import Location
-from .references import find_world
+from .references import find_only_world, find_world
 from .service import Service
 
 
-def with_worlds_found(spec: CheckedSpec, service: Service) -> CheckedSpec:
+def with_worlds_found(
+    spec: CheckedSpec, service: Service, tell: Callable[[str, str], None] = lambda _name, _arn: None
+) -> CheckedSpec:
     """Returns a specification in which all worlds are named by their ARNs, looked up as the command line does.
 
     Args:
         spec: The specification.
         service: The service, with its catalog.
+        tell: Called with each name and the ARN of the world that it means, once all are known.
 
     Raises:
-        SpecError: Names that mean no world, or any of several, with their places.
+        SpecError: Names that mean no world, or any of several, with their places. For steps that change or delete
+            worlds, a name means several also where these are the same to the letter.
     """
-    return with_world_arns(spec, lambda name: find_world(name, service).arn)
+    return with_world_arns(
+        spec, lambda name: find_world(name, service).arn, lambda name: find_only_world(name, service).arn, tell
+    )
 
 
-def with_world_arns(spec: CheckedSpec, find: Callable[[str], str]) -> CheckedSpec:
+def with_world_arns(
+    spec: CheckedSpec,
+    find: Callable[[str], str],
+    find_only: Callable[[str], str],
+    tell: Callable[[str, str], None] = lambda _name, _arn: None,
+) -> CheckedSpec:
     """Returns a specification in which all worlds are named by their ARNs.
 
     Args:
         spec: The specification; one that names no world otherwise is returned as it is.
         find: Returns the ARN of the world that a name means, or raises a `RobomakerError` that says what is wrong.
+        find_only: Does the same for steps that change or delete worlds.
+        tell: Called with each name and the ARN of the world that it means, once all are known.
 
     Raises:
         SpecError: Names that mean no world, or any of several, with their places.
     """
-    arns: dict[str, str] = {}
-    wrong: dict[str, str] = {}
-    for name in dict.fromkeys(each.name for step in spec.steps.values() for each in step.worlds):
+    arns: dict[tuple[str, bool], str] = {}
+    wrong: dict[tuple[str, bool], str] = {}
+    named = [(each, step.operation.startswith(CHANGES)) for step in spec.steps.values() for each in step.worlds]
+    for name, is_changed in dict.fromkeys((each.name, is_changed) for each, is_changed in named):
         try:
-            arns[name] = find(name)
+            arns[name, is_changed] = (find_only if is_changed else find)(name)
         except RobomakerError as error:
-            wrong[name] = str(error)
+            wrong[name, is_changed] = str(error)
     if wrong:
-        named = (each for step in spec.steps.values() for each in step.worlds if each.name in wrong)
-        raise SpecError([Problem(each.place, each.path, wrong[each.name]) for each in named], spec.notes)
-    steps = {
-        name: replace(
-            step,
-            input=_replaced(step.input, (), {each.location: arns[each.name] for each in step.worlds}),
-            worlds=(),
-        )
-        if step.worlds
-        else step
-        for name, step in spec.steps.items()
-    }
+        problems = [
+            Problem(each.place, each.path, wrong[key])
+            for each, is_changed in named
+            if (key := (each.name, is_changed)) in wrong
+        ]
+        raise SpecError(problems, spec.notes)
+    for name, arn in dict.fromkeys((name, arn) for (name, _), arn in arns.items()):
+        tell(name, arn)
+    steps = {name: _with_arns(step, arns) if step.worlds else step for name, step in spec.steps.items()}
     return replace(spec, steps=steps) if arns else spec
+
+
+def _with_arns(step: CheckedStep, arns: Mapping[tuple[str, bool], str]) -> CheckedStep:
+    is_changed = step.operation.startswith(CHANGES)
+    texts = {each.location: arns[each.name, is_changed] for each in step.worlds}
+    return replace(step, input=_replaced(step.input, (), texts), worlds=())
 
 
 def _replaced(node: Node, location: Location, texts: Mapping[Location, str]) -> Node:

@@ -2,6 +2,7 @@
 
 import tempfile
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,13 +13,13 @@ from ...schemas.wire.arns import IdPrefix, new_id
 from ...schemas.wire.errors import ConfigurationError
 from ...schemas.worlds.description import DESCRIPTION_FILE
 from ...schemas.worlds.world import GazeboSource, World
-from ..catalog import Resource
+from ..catalog import NewResource, Resource
 from ..service.references import worlds_named
 from ..service.service import Service
 from ..service.store_retries import at_once, patiently
 from ..worldforge.bundle.bundle import content_hash, read_world, write_bundle
 from .generation import ORIGIN_LABEL, WORLDS_PREFIX, publish_bundle
-from .stored_bundles import BUNDLE_LABEL, bundle_held, bundle_label
+from .stored_bundles import BUNDLE_LABEL, bundle_held, bundle_label, name_held
 
 if TYPE_CHECKING:
     from ..worldforge.generator import Wanted
@@ -32,6 +33,7 @@ def keep_world(
     *,
     origin: str | None = None,
     name: str | None = None,
+    tell: Callable[[Resource], None] = lambda _world: None,
 ) -> Resource:
     """Stores the files of an imported or varied world, and adds it to the catalog.
 
@@ -42,6 +44,7 @@ def keep_world(
         service: The service, with its catalog and object store.
         origin: Identifier of the world's inputs, by which it is found again.
         name: Name for people, from `given_world_name`; absent: the world is called by its id.
+        tell: Called with the world that has the same name and files already; then it is returned, and none is added.
 
     Raises:
         ConfigurationError: Another world has the name.
@@ -51,7 +54,7 @@ def keep_world(
     def write(folder: Path) -> None:
         write_bundle(world, folder)
 
-    return keep_bundle(write, prefix, tags, service, origin=origin, name=name)
+    return keep_bundle(write, prefix, tags, service, origin=origin, name=name, tell=tell)
 
 
 def keep_variation(
@@ -91,6 +94,7 @@ def keep_bundle(
     *,
     origin: str | None = None,
     name: str | None = None,
+    tell: Callable[[Resource], None] = lambda _world: None,
 ) -> Resource:
     """Stores a world's files, and adds the world to the catalog.
 
@@ -101,6 +105,7 @@ def keep_bundle(
         service: The service, with its catalog and object store.
         origin: Identifier of the world's inputs, by which it is found again.
         name: Name for people, from `given_world_name`; absent: the world is called by its id.
+        tell: Called with the world that has the same name and files already; then it is returned, and none is added.
 
     Raises:
         ConfigurationError: Another world has the name.
@@ -110,8 +115,6 @@ def keep_bundle(
         folder = Path(scratch, "bundle")
         write(folder)
         place = StoredPlace(bucket=service.settings.bucket, prefix=f"{WORLDS_PREFIX}/{content_hash(folder)}")
-        if name is not None:
-            _check_free(name, place, service)
         labels = {
             BUNDLE_LABEL: [bundle_label(place)],
             **({ORIGIN_LABEL: [origin]} if origin else {}),
@@ -119,41 +122,42 @@ def keep_bundle(
         }
         document = WorldDocument(name=name, bundle=place, description_key=f"{place.prefix}/{DESCRIPTION_FILE}")
         held = replace(service, store=at_once(service.store))
-        return patiently(
-            service.store, place.bucket, lambda: _kept(folder, place, prefix, tags, labels, document, held)
+        own_id = new_id(prefix, service.chance)
+        resource = Resource.new(
+            arn=service.arn("world", own_id),
+            kind="world",
+            id=own_id,
+            status="Active",
+            tags=tags,
+            labels=labels,
+            document=document,
         )
+        kept = patiently(service.store, place.bucket, lambda: _kept(folder, place, resource, name, held))
+    if kept.id != own_id:
+        tell(kept)
+    return kept
 
 
-def _check_free(name: str, place: StoredPlace, service: Service) -> None:
-    """Raises an error if another world has the name; of worlds with the same files the newest has it."""
-    for other in worlds_named(name, service):
-        bundle = WorldDocument.of(other).bundle
+def _of_same_name(name: str, place: StoredPlace, service: Service) -> Resource | None:
+    """Returns the newest world that has the name and the same files; raises an error if another world has the name."""
+    same: Resource | None = None
+    for each in worlds_named(name, service):
+        bundle = WorldDocument.of(each).bundle
         if bundle is None or bundle.last_part != place.last_part:
             raise ConfigurationError(
-                f"the name {name!r} is taken by {other.id}, another world; a name that is free would be right, "
+                f"the name {name!r} is taken by {each.id}, another world; a name that is free would be right, "
                 "or to delete that world first"
             )
+        same = each
+    return same
 
 
-def _kept(
-    folder: Path,
-    place: StoredPlace,
-    prefix: IdPrefix,
-    tags: dict[str, str],
-    labels: dict[str, list[str]],
-    document: WorldDocument,
-    service: Service,
-) -> Resource:
-    own_id = new_id(prefix, service.chance)
-    resource = Resource.new(
-        arn=service.arn("world", own_id),
-        kind="world",
-        id=own_id,
-        status="Active",
-        tags=tags,
-        labels=labels,
-        document=document,
-    )
-    with bundle_held(place, service):
-        publish_bundle(service, place.prefix, folder, service.clock())
-        return service.catalog.create(resource, token=None)
+def _kept(folder: Path, place: StoredPlace, resource: NewResource, name: str | None, service: Service) -> Resource:
+    """Stores the files and the world; returns the world of that name instead, if it has the same files."""
+    with ExitStack() as locks:
+        if name is not None:
+            locks.enter_context(name_held(name, service))
+        locks.enter_context(bundle_held(place, service))
+        same = _of_same_name(name, place, service) if name is not None else None
+        publish_bundle(service, place.prefix, folder, service.clock())  # also mends files that are gone
+        return same or service.catalog.create(resource, token=None)

@@ -4,6 +4,7 @@ A call that adds a world to the catalog, or deletes one, locks its bundle meanwh
 when another world of the same content is added, by this process or another.
 """
 
+import hashlib
 import time
 import uuid
 from collections.abc import Iterator
@@ -37,7 +38,26 @@ def bundle_held(bundle: StoredPlace, service: Service) -> Iterator[None]:
 
     It waits for the lock, which runs out after 120 s, when another process may take it.
     """
-    arn = service.arn("world", f"bundle/{bundle_label(bundle)}")
+    with _held(f"bundle/{bundle_label(bundle)}", service):
+        yield
+
+
+@contextmanager
+def name_held(name: str, service: Service) -> Iterator[None]:
+    """Locks a name that is given to a world inside the block, as `bundle_held` locks its files.
+
+    Args:
+        name: The name.
+        service: The service, with its catalog.
+    """
+    digest = hashlib.sha256(name.encode()).hexdigest()  # a name may have characters that an ARN cannot
+    with _held(f"name/{digest}", service):
+        yield
+
+
+@contextmanager
+def _held(own_id: str, service: Service) -> Iterator[None]:
+    arn = service.arn("world", own_id)
     owner = uuid.uuid4().hex
     while not _taken(arn, owner, service):
         time.sleep(_WAIT_S)

@@ -3,7 +3,7 @@
 import argparse
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -102,18 +102,24 @@ def read_spec(
     return spec
 
 
-def _with_worlds_found(spec: CheckedSpec) -> CheckedSpec:
+def _tell_world(name: str, arn: str) -> None:
+    sys.stderr.write(f"{name!r} is {arn}\n")
+
+
+def _with_worlds_found(spec: CheckedSpec, tell: Callable[[str, str], None] = lambda _name, _arn: None) -> CheckedSpec:
     """Puts ARNs in place of the names of worlds; opens the catalog only if there is any, since that takes a while."""
     if not any(step.worlds for step in spec.steps.values()):
         return spec
     from ....tasks.service.world_names import with_worlds_found
     from .options import open_service
 
-    return with_worlds_found(spec, open_service())
+    return with_worlds_found(spec, open_service(), tell)
 
 
 def read_request(given: str, operation: str) -> dict[str, Any]:
     """Reads the members of an API request from a file, JSON or YAML text, or standard input.
+
+    Worlds may be named as people do; the ARNs that the names mean are printed on standard error.
 
     Args:
         given: A file's path or `file://` address, JSON or YAML text that begins with `{`, or `-` for standard input.
@@ -126,7 +132,7 @@ def read_request(given: str, operation: str) -> dict[str, Any]:
     from ....schemas.specs.resolving import resolve_input
 
     text, name = _text(given)
-    checked = _with_worlds_found(load_request(text, name, operation))
+    checked = _with_worlds_found(load_request(text, name, operation), _tell_world)
     return resolve_input(checked.steps[checked.order[0]], {})
 
 

@@ -384,6 +384,27 @@ def test_worlds_that_a_job_names_stay(service: Service, job: Any) -> None:
     assert service.catalog.list("world").resources == ()
 
 
+def test_imported_worlds_stay_unless_they_are_asked_for(service: Service) -> None:
+    """A deployed specification may name an imported world between its nights, when no run and no job does."""
+    imported, varied = (
+        service.catalog.create(
+            Resource.new(arn=service.arn("world", name), kind="world", id=name, status="Active"), token=None
+        )
+        for name in ("import-82856b0yq33y", "variation-82856b0yq33y")
+    )
+    later = replace(service, clock=lambda: datetime.now(UTC) + timedelta(days=60))
+    orphaned = MONTH.model_copy(update={"orphaned_worlds": True})
+    by_hand = MONTH.model_copy(update={"imported_worlds": True})
+
+    report = collect(orphaned, later)
+    assert [item.id for item in report.removed] == [varied.arn]
+    assert any("imported worlds stay (1)" in note and "--imported-worlds" in note for note in report.notes)
+    assert collect(MONTH, later).notes == []
+
+    report = collect(by_hand, later)
+    assert ([item.id for item in report.removed], report.notes) == ([imported.arn], [])
+
+
 def test_a_record_that_cannot_be_read_keeps_what_it_may_name(service: Service, job: Any) -> None:
     job("sim-1")
     (service.folder("runs", "night-1") / "run.json").write_text("{")

@@ -18,7 +18,7 @@ from prefect_robomaker.schemas.wire.errors import (
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.inspection.run_records import write_record
 from prefect_robomaker.tasks.operations.registry import call
-from prefect_robomaker.tasks.service.references import find_by_id, find_job, find_world, name_of_world
+from prefect_robomaker.tasks.service.references import find_by_id, find_job, find_only_world, find_world, name_of_world
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.stored_jobs import store_job
 
@@ -66,6 +66,17 @@ def test_a_given_name_goes_before_the_beginning_of_an_id(service: Service, keep:
     assert find_world("flat", service).arn == named.arn
     assert find_world("flat56", service).arn == by_id.arn
     assert find_world("import-flat", service).arn == by_id.arn
+
+
+def test_what_deletes_a_world_takes_a_name_of_one_world_only(service: Service, keep: Callable[..., Resource]) -> None:
+    older, newer = keep("generation-82856b0yq33y/world-1", "a"), keep("generation-9285zzzzzzzz/world-1", "a")
+    assert find_world("flat 1", service).arn == newer.arn
+    with pytest.raises(ConfigurationError, match=r"'flat 1' may be any of 2 worlds: generation-9285.*generation-8285"):
+        find_only_world("flat 1", service)
+    for wanted in (older.arn, older.id, "8285/world-1"):
+        assert find_only_world(wanted, service).arn == older.arn, wanted
+    service.catalog.delete(newer.arn)
+    assert find_only_world("flat 1", service).arn == older.arn
 
 
 def test_a_world_that_is_not_there_is_told_with_what_is_near(service: Service, keep: Callable[..., Resource]) -> None:

@@ -5,13 +5,14 @@ import json
 import jsonschema
 import pytest
 
-from prefect_robomaker.schemas.operations.registry import parse_request
+from prefect_robomaker.schemas.operations.registry import STEPS, parse_request
 from prefect_robomaker.schemas.specs.check import load_request, load_spec
 from prefect_robomaker.schemas.specs.json_schema import spec_schema
 from prefect_robomaker.schemas.specs.resolving import resolve_input
 from prefect_robomaker.schemas.specs.specification import CheckedSpec
 from prefect_robomaker.schemas.specs.yaml_nodes import parse, plain
 from prefect_robomaker.schemas.wire.errors import ConfigurationError, InvalidParameterException, SpecError
+from prefect_robomaker.schemas.wire.operation_shape import CHANGES, READS
 from prefect_robomaker.tasks.service.world_names import with_world_arns
 
 SPEC = """\
@@ -57,7 +58,7 @@ def request(spec: CheckedSpec, step: str) -> str:
 
 
 def test_names_stand_wherever_arns_of_worlds_may() -> None:
-    spec = with_world_arns(load_spec(SPEC, "s.yaml"), found)
+    spec = with_world_arns(load_spec(SPEC, "s.yaml"), found, found)
 
     assert json.loads(request(spec, "one")) == {"world": "arn:flat 1"}
     assert json.loads(request(spec, "vary"))["worlds"] == ["arn:flat 1"]
@@ -72,7 +73,7 @@ def test_names_that_mean_no_world_are_told_all_at_once_with_their_places() -> No
     text = SPEC.replace("forEach: [flat 2]", "forEach: [flta 2]").replace("worlds: [flat 1]", "worlds: [flat 9]")
 
     with pytest.raises(SpecError) as caught:
-        with_world_arns(load_spec(text, "s.yaml", {"house": "castle"}), found)
+        with_world_arns(load_spec(text, "s.yaml", {"house": "castle"}), found, found)
 
     assert [str(each) for each in caught.value.problems] == [
         "s.yaml:6:50: steps.one.input.world: 'castle' is no world",
@@ -81,10 +82,37 @@ def test_names_that_mean_no_world_are_told_all_at_once_with_their_places() -> No
     ]
 
 
+def test_steps_that_delete_worlds_look_their_names_up_apart_and_each_name_is_told_once() -> None:
+    text = SPEC + "  tidy: {operation: BatchDeleteWorlds, input: {worlds: [flat 1, flat 2]}}\n"
+    told: list[tuple[str, str]] = []
+
+    spec = with_world_arns(
+        load_spec(text, "s.yaml"), found, lambda name: f"arn:only {name}", lambda *each: told.append(each)
+    )
+
+    assert json.loads(request(spec, "tidy")) == {"worlds": ["arn:only flat 1", "arn:only flat 2"]}
+    assert json.loads(request(spec, "vary"))["worlds"] == ["arn:flat 1"]
+    assert sorted(told) == [(name, f"arn:{how}{name}") for name in ("flat 1", "flat 2") for how in ("", "only ")]
+
+    def refuse(name: str) -> str:
+        raise ConfigurationError(f"{name!r} may be any of 2 worlds")
+
+    with pytest.raises(SpecError) as caught:
+        with_world_arns(load_spec(text, "s.yaml"), found, refuse, lambda *each: told.append(each))
+    assert [each.path for each in caught.value.problems] == [f"steps.tidy.input.worlds[{index}]" for index in (0, 1)]
+    assert len(told) == 4, "nothing is told where a name is refused"
+
+
+def test_every_operation_that_deletes_or_changes_looks_its_names_up_apart() -> None:
+    """An operation that is new is found here, so that somebody thinks about which worlds its names mean."""
+    makes = ("Create", "Start", "Sync", "Restart", "Register", "Vary")
+    assert [each for each in STEPS if not each.startswith((*CHANGES, *READS, *makes))] == []
+
+
 def test_nothing_is_looked_up_where_all_are_arns_or_references() -> None:
     spec = load_spec(SPEC.replace("flat 1", "arn:a").replace("flat 2", "arn:b"), "s.yaml")
 
-    assert with_world_arns(spec, found) is spec
+    assert with_world_arns(spec, found, found) is spec
 
 
 def test_only_worlds_have_names_and_the_wire_takes_arns_only() -> None:

@@ -34,7 +34,16 @@ def declare(parser: argparse.ArgumentParser) -> None:
         help="remove only recordings, videos, logs and uploads; records, reports, results and what verify needs stay",
     )
     parser.add_argument("--sdk-jobs", action="store_true", help="also jobs that SDKs or `call` ordered, not a run")
-    parser.add_argument("--orphaned-worlds", action="store_true", help="also worlds that no run and no job names")
+    parser.add_argument(
+        "--orphaned-worlds",
+        action="store_true",
+        help="also generated worlds and variations that no run and no job names; imported ones stay",
+    )
+    parser.add_argument(
+        "--imported-worlds",
+        action="store_true",
+        help="also worlds of `world import` that no run and no job names; deployed specifications may name them",
+    )
     parser.add_argument(
         "--orphaned-recordings", action="store_true", help="also recordings stored by `judge` that nothing names"
     )
@@ -92,6 +101,7 @@ def _policy(arguments: argparse.Namespace) -> "RetentionPolicy":
         keep_results=arguments.keep_results,
         sdk_jobs=arguments.sdk_jobs,
         orphaned_worlds=arguments.orphaned_worlds,
+        imported_worlds=arguments.imported_worlds,
         orphaned_recordings=arguments.orphaned_recordings,
         **{name: value for rules in of_wings for name, value in rules.items()},
     )

@@ -8,6 +8,7 @@ the same name may name rooms and goals.
 A folder of a ROS workspace, or the bundle of a simulation application (.tar.gz, .tar, .zip), may hold several Gazebo
 worlds: they are listed, and --world names the one to import. Its start is x_pos, y_pos and yaw of the launch file that
 starts it, unless --start names another. Launch files are read, never executed.
+An import under a name that a world with the same content has is that world; the name of another world is refused.
 Exit code 0: stored, all guarantees hold; 1: stored, some do not hold; 2: the file is none that a world can be made of.
 """
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ......schemas.templates.drawing_notes import DrawingNotes
+    from ......tasks.catalog import Resource
     from ......tasks.worldforge.drawings.drawing_import import Source
     from ......tasks.worlds.launch_starts import LaunchStart
     from ......tasks.worlds.workspaces import Workspace
@@ -159,7 +161,7 @@ def _keep_drawn(arguments: argparse.Namespace) -> str:
     has_notes = arguments.notes or (drawing.suffix.lower() in READERS and beside.is_file())
     source = Source(drawing, beside if has_notes else None)
     world = import_world(source, _notes(source, arguments.scale), _seed(arguments.seed))
-    return keep_world(world, "import", {}, open_service(), name=arguments.name).arn
+    return keep_world(world, "import", {}, open_service(), name=arguments.name, tell=_tell_same).arn
 
 
 def _keep_gazebo(
@@ -193,8 +195,19 @@ def _keep_gazebo(
     )
     service = open_service()
     return keep_bundle(
-        lambda folder: write_gazebo_bundle(wanted, folder), "import", {}, service, name=arguments.name
+        lambda folder: write_gazebo_bundle(wanted, folder),
+        "import",
+        {},
+        service,
+        name=arguments.name,
+        tell=_tell_same,
     ).arn
+
+
+def _tell_same(world: "Resource") -> None:
+    import sys
+
+    sys.stderr.write(f"{world.id} has this name and the same content already; no other world is made.\n")
 
 
 def _name(text: str | None) -> str | None:

@@ -86,9 +86,14 @@ def test_an_import_has_the_name_that_it_is_given(robomaker) -> None:
     assert verdict == f"grandma's flat ({arn.rpartition('/')[2]}): all guarantees hold"
     facts = json.loads(robomaker("world", "show", "grandma's flat", "-o", "json").out)
     assert (facts["arn"], facts["name"]) == (arn, "grandma's flat")
+    again = robomaker("world", "import", FLAT, "--name", "grandma's flat")
+    assert (again.code, again.out.splitlines()[0]) == (0, arn)
+    assert again.err == f"{facts['id']} has this name and the same content already; no other world is made.\n"
     taken = robomaker("world", "import", FLAT, "--seed", 1, "--name", "grandma's flat")
     assert (taken.code, taken.out) == (2, "")
     assert f'the name "grandma\'s flat" is taken by {facts["id"]}' in taken.err
+    deleted = robomaker("call", "BatchDeleteWorlds", "--input", json.dumps({"worlds": ["grandma's flat"]}))
+    assert (deleted.code, deleted.err) == (0, f'"grandma\'s flat" is {arn}\n')
 
 
 def test_the_example_of_the_page_is_a_world(robomaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -121,6 +121,7 @@ def test_it_asks_on_a_terminal(
         (["--older-than", ""], "--older-than is ''"),
         (["--keep-runs", "-1"], "--keep-runs is -1; it has to be a whole number from 0"),
         (["--keep-runs", "3", "--orphaned-worlds"], "--orphaned-worlds goes by age"),
+        (["--keep-runs", "3", "--imported-worlds"], "--imported-worlds goes by age"),
         (["--keep-runs", "3", "--orphaned-recordings"], "--orphaned-recordings goes by age"),
     ],
 )
