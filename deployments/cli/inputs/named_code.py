@@ -341,6 +341,7 @@ def _unknown_joints(file: Path, model: str) -> Iterator[str]:
     moved |= {f"drive.{at}": drive[at] for at in ("x", "y", "yaw") if drive.get(at)}
     held = {f"joints[{i}]": name for i, name in enumerate(said.get("joints") or ())}
     held |= {f"actuators[{i}].joint": each["joint"] for i, each in enumerate(added)}
+    held |= {f"spawn.joints.{name}": name for name in said["spawn"].get("joints", ())}
     for at, name in (moved | held).items():
         there, what = (joints | actuators, "joints and actuators") if at in moved else (joints, "joints")
         if name not in there:

@@ -102,6 +102,15 @@ def test_all_that_is_wrong_in_an_archive_is_told_with_both_places(
             "my_rover/robot.yaml:7:31: drive.left[0]: the model has no 'a'; it has joints and actuators b, left_wheel",
         ),
         (
+            {
+                "__init__.py": AGENT,
+                "robot.yaml": RIGHT.replace("height_m: 0.0", "height_m: 0.0, joints: {b: 1, arm: 2}"),
+                "robot.urdf": MODEL,
+            },
+            SPEC,
+            "my_rover/robot.yaml:5:44: spawn.joints.arm: the model has no 'arm'; it has joints a, b",
+        ),
+        (
             {"__init__.py": AGENT, "robot.yaml": RIGHT, "robot.urdf": "<mujoco><include file='wheels.xml'/></mujoco>"},
             SPEC,
             None,
