@@ -20,6 +20,7 @@ _MAX_JOBS = 40
 _MAX_REASON = 500
 """Limit of the characters of a failure reason, or a remark, in the summary: the longest sentences of ours have 400."""
 _LOG_SAYS = "; its log ends with: "
+_LOG_BEGINS = "\nLast lines of "
 _ERROR_CLASS = re.compile(r"[\w.]+: ")
 
 
@@ -112,7 +113,9 @@ def _headline(record: RunRecord) -> str:
 
 
 def _step_line(step: StepRecord) -> list[Cell]:
-    return [("  ✗ ", "red"), (f"{step.name} ({step.operation}): ", "bold"), (step.error or "", "")]
+    error = step.error or ""
+    said = _in_one_line(error) if _LOG_BEGINS in error else error  # other errors may have a line for each problem
+    return [("  ✗ ", "red"), (f"{step.name} ({step.operation}): ", "bold"), (said, "")]
 
 
 def _job_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
@@ -182,7 +185,7 @@ def _in_one_line(reason: str) -> str:
 
     The log's line is left out if it repeats the reason.
     """
-    head, _, log = reason.strip().partition("\nLast lines of ")
+    head, _, log = reason.strip().partition(_LOG_BEGINS)
     first = next(iter(head.splitlines()), "")
     last = log.splitlines()[-1].strip() if "\n" in log else ""
     # An error's line in a log begins with its class; a reason may begin with whose error it is.
