@@ -201,8 +201,10 @@ def check_home(home: Path, least_free_bytes: int = 0) -> Finding:
     if free < _LITTLE_SPACE_BYTES:
         return Finding("data home", "warning", found, "worlds and recordings may fill it; free some space")
     if home.stat().st_mode & stat.S_IRWXO:
-        words = f"{home} is open to all users of this machine ({stat.filemode(home.stat().st_mode)})"
-        return Finding("data home", "warning", words, f"chmod o-rwx {home}, unless others are to look into it")
+        words = f"open to all users of this machine ({stat.filemode(home.stat().st_mode)})"
+        return Finding(
+            "data home", "warning", f"{found}; {words}", f"chmod o-rwx {home}, unless others are to look into it"
+        )
     return Finding("data home", "ok", found)
 
 

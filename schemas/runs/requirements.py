@@ -20,6 +20,7 @@ from ..wire.request_problems import parsed_member
 from . import requirement_kinds
 from .requirement_kinds.goal import goals_at_start
 from .requirement_kinds.kind import RequirementKind
+from .requirement_kinds.off import OffRequirement
 from .trials import trials_of
 
 MAX_REQUIREMENTS = 50
@@ -135,7 +136,8 @@ def wrong_requirements(request: JobRequest) -> Iterator[str]:
     """Yields requirements of a request that can never be judged, as far as the request alone shows it.
 
     Reasons are: the launch variable is misspelt or invalid, a room is requested without a world, a goal is at the
-    robot's start, topics are requested in trials, or all applications are programs without recorded topics.
+    robot's start, a requirement is to be off that `indoor-navigation` has not, topics are requested in trials, or all
+    applications are programs without recorded topics.
     """
     for place, name in _misspelt(request):
         yield f"{place}.{name} is not known; did you mean {REQUIREMENTS_VARIABLE}? The job would be judged without it"
@@ -155,6 +157,9 @@ def wrong_requirements(request: JobRequest) -> Iterator[str]:
     if _starts_on_origin(request):
         for index, member, problem in goals_at_start([each.to_wire() for each in requirements]):
             yield f"{place}[{index}].{member}: {problem}"
+        for index, asked in enumerate(requirements):
+            if isinstance(asked, OffRequirement) and (problem := asked.unknown_in_rooms()) is not None:
+                yield f"{place}[{index}].name: {problem}"
     if not _has_world(request):
         yield from _without_world(place, requirements)
 

@@ -10,7 +10,7 @@ from typing import Any
 from ...schemas.runs.requirement_kinds.goal import goals_at_start
 from ...schemas.runs.requirements import no_such_room, starts_on_origin
 from ...schemas.specs.specification import CheckedSpec, CheckedStep
-from ...schemas.specs.yaml_nodes import plain
+from ...schemas.specs.yaml_nodes import plain, value_place
 from ...schemas.wire.errors import (
     BucketNotFoundError,
     Problem,
@@ -19,7 +19,7 @@ from ...schemas.wire.errors import (
     StorageError,
     StorageUnavailableError,
 )
-from ...schemas.wire.request_problems import nearest
+from ...schemas.wire.request_problems import Location, nearest, path_text
 from ..service.service import Service
 from ..service.store_retries import patiently
 from ..simulations.inputs.bundles import Rooms, rooms_of_world
@@ -110,6 +110,16 @@ def check_preconditions(checked: CheckedSpec, service: Service) -> None:
     prepare_bucket(service, service.settings.bucket)
     _check_writable(checked, service)
     check_named(checked, service)
+    check_rooms(checked, service)
+
+
+def check_rooms(checked: CheckedSpec, service: Service) -> None:
+    """Checks that the rooms which jobs' requirements name are in the worlds that these jobs name, if those exist.
+
+    Raises:
+        SpecError: A goal is in a room that its world has not, or where its robot starts; says where.
+        StorageError: The object store cannot be used.
+    """
     rooms_of = cache(lambda arn: _rooms(arn, service))
     if problems := [problem for step in checked.steps.values() for problem in _room_problems(step, rooms_of)]:
         raise SpecError(problems)
@@ -131,12 +141,12 @@ def check_named(checked: CheckedSpec, service: Service) -> None:
     is_stored = cache(lambda kind, name: service.catalog.find(kind, name) is not None)
     problems = []
     for step in checked.steps.values():
-        for path, kind, name in _named(plain(step.input), f"steps.{step.name}.input"):
+        for at, kind, name in _named(plain(step.input), ()):
             if (kind, name) not in made and not is_stored(kind, name):
                 known = {there for made_kind, there in made if made_kind == kind}
                 known |= {resource.name for resource in service.catalog.list(kind).resources}
                 words = f"there is no {kind.replace('-', ' ')} {name!r}{nearest(name, sorted(known))}"
-                problems.append(Problem(step.place, path, words))
+                problems.append(_problem(step, at, words))
     if problems:
         raise SpecError(problems)
 
@@ -155,7 +165,7 @@ def check_templates(checked: CheckedSpec, service: Service) -> None:
         found = service.catalog.get_many([template]).get(template)
         if found is None or found.kind != _TEMPLATE:
             words = f"there is no world template {template!r}"
-            problems.append(Problem(step.place, f"steps.{step.name}.input.template", words))
+            problems.append(_problem(step, ("template",), words))
     if problems:
         raise SpecError(problems)
 
@@ -173,13 +183,13 @@ def _check_writable(checked: CheckedSpec, service: Service) -> None:
         request = plain(step.input)
         if step.operation == "CreateWorldGenerationJob":
             places.setdefault(own, (WORLDS_PREFIX, None))
-        for path, order in _orders(request, f"steps.{step.name}.input"):
+        for at, order in _orders(request, ()):
             location = order.get("outputLocation")
             given = location if isinstance(location, Mapping) else {}
             bucket, prefix = given.get("s3Bucket") or own, given.get("s3Prefix", "") if given else DEFAULT_PREFIX
             has_role = service.roles is not None and order.get("iamRole") is not None
             if not has_role and isinstance(bucket, str) and isinstance(prefix, str) and "${{" not in bucket + prefix:
-                problem = None if bucket == own else Problem(step.place, f"{path}.outputLocation.s3Bucket", "")
+                problem = None if bucket == own else _problem(step, (*at, "outputLocation", "s3Bucket"), "")
                 places.setdefault(bucket, (prefix, problem))
     problems: list[Problem] = []
     for bucket, (prefix, problem) in places.items():
@@ -205,7 +215,7 @@ def _room_problems(step: CheckedStep, rooms_of: RoomsOf) -> Iterator[Problem]:
 
     Jobs in worlds that are not known before the run are not checked.
     """
-    for path, order in _orders(plain(step.input), f"steps.{step.name}.input"):
+    for at, order in _orders(plain(step.input), ()):
         if not isinstance(order.get("requirements"), list):
             continue
         arn = _written_world(order)
@@ -215,10 +225,14 @@ def _room_problems(step: CheckedStep, rooms_of: RoomsOf) -> Iterator[Problem]:
         for index, goal in enumerate(order["requirements"]):
             room = goal.get("room") if isinstance(goal, Mapping) else None
             if isinstance(room, str) and "${{" not in room and room not in rooms.names:
-                yield Problem(step.place, f"{path}.requirements[{index}].room", no_such_room(room, rooms.names))
+                yield _problem(step, (*at, "requirements", index, "room"), no_such_room(room, rooms.names))
         if starts_on_origin(order):
             for index, member, words in goals_at_start(order["requirements"], rooms.start):
-                yield Problem(step.place, f"{path}.requirements[{index}].{member}", words)
+                yield _problem(step, (*at, "requirements", index, member), words)
+
+
+def _problem(step: CheckedStep, at: Location, words: str) -> Problem:
+    return Problem(value_place(step.input, at), path_text((*step.location, *at)), words)
 
 
 def _written_world(order: Mapping[str, Any]) -> str | None:
@@ -231,33 +245,33 @@ def _written_world(order: Mapping[str, Any]) -> str | None:
     return world if isinstance(world, str) and "${{" not in world else None
 
 
-def _orders(value: Any, path: str) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Yields path and content of every simulation job request in a value."""
+def _orders(value: Any, at: Location) -> Iterator[tuple[Location, Mapping[str, Any]]]:
+    """Yields location and content of every simulation job request in a value."""
     if isinstance(value, Mapping):
         if isinstance(value.get("simulationApplications"), list) or isinstance(value.get("robotApplications"), list):
-            yield path, value
+            yield at, value
         for key, inner in value.items():
-            yield from _orders(inner, f"{path}.{key}")
+            yield from _orders(inner, (*at, key))
     elif isinstance(value, list):
         for index, inner in enumerate(value):
-            yield from _orders(inner, f"{path}[{index}]")
+            yield from _orders(inner, (*at, index))
 
 
-def _named(value: Any, path: str) -> Iterator[tuple[str, str, str]]:
-    """Yields path, kind and name of every application that is given by name, not by ARN or reference."""
+def _named(value: Any, at: Location) -> Iterator[tuple[Location, str, str]]:
+    """Yields location, kind and name of every application that is given by name, not by ARN or reference."""
     if isinstance(value, Mapping):
         for key, inner in value.items():
             if key in _KINDS and isinstance(inner, list):
-                yield from _configs(inner, f"{path}.{key}", _KINDS[key])
+                yield from _configs(inner, (*at, key), _KINDS[key])
             else:
-                yield from _named(inner, f"{path}.{key}")
+                yield from _named(inner, (*at, key))
     elif isinstance(value, list):
         for index, inner in enumerate(value):
-            yield from _named(inner, f"{path}[{index}]")
+            yield from _named(inner, (*at, index))
 
 
-def _configs(configs: list[Any], path: str, kind: str) -> Iterator[tuple[str, str, str]]:
+def _configs(configs: list[Any], at: Location, kind: str) -> Iterator[tuple[Location, str, str]]:
     for index, config in enumerate(configs):
         name = config.get("application") if isinstance(config, Mapping) else None
         if isinstance(name, str) and not name.startswith("arn:") and "${{" not in name:
-            yield f"{path}[{index}].application", kind, name
+            yield (*at, index, "application"), kind, name

@@ -19,7 +19,17 @@ from ....schemas.runs.plan import ApplicationPlan, ApplicationRole
 from ....schemas.runs.policies import parse_policy
 from ....schemas.settings import Settings
 from ....schemas.specs.specification import CheckedSpec, CheckedStep, axes_of, made_list_of
-from ....schemas.specs.yaml_nodes import ListNode, MappingNode, Node, ScalarNode, child, key_place, plain, value_place
+from ....schemas.specs.yaml_nodes import (
+    ListNode,
+    MappingNode,
+    Node,
+    ScalarNode,
+    child,
+    key_place,
+    parse,
+    plain,
+    value_place,
+)
 from ....schemas.wire.errors import BundleError, LaunchError, Problem, RobomakerError
 from ....schemas.wire.request_problems import Location, nearest, path_text
 
@@ -33,6 +43,8 @@ _OPENING = "${{"
 _ARN = re.compile(r"\$\{\{\s*(\w+)\.arn\s*\}\}")
 _AXIS = re.compile(r"\$\{\{\s*(\w+)\s*\}\}")
 _PYTHON = "python://"
+_MAKES_JOINTS = frozenset({"include", "attach", "replicate", "composite"})
+"""Elements of MJCF that add joints which the file does not name."""
 _MOST_BYTES = 64 << 20
 """Largest archive that is unpacked, in bytes; larger ones take seconds, and the job says what is wrong in them."""
 
@@ -252,6 +264,8 @@ class _CodeCheck:
         told = [f"{shown}:{each.place.line}:{each.place.column}: {each.path}: {each.message}" for each in problems]
         if mapping is not None and ":" not in mapping.model and not (file.parent / mapping.model).is_file():
             told = [f"{shown}: model: there is no file {mapping.model!r} beside it"]
+        elif mapping is not None and ":" not in mapping.model:
+            told = [f"{shown}{each.removeprefix(file.name)}" for each in _unknown_joints(file, mapping.model)]
         for each in told:
             self._tell_at(config, at, ("application",), f"robot application {plan.name}: {each}")
 
@@ -305,6 +319,34 @@ def _variables(request: Node) -> dict[str, str]:
         for config in configs
         for name, value in ((config.get("launchConfig") or {}).get("environmentVariables") or {}).items()
     }
+
+
+def _unknown_joints(file: Path, model: str) -> Iterator[str]:
+    """Yields what a `robot.yaml` says of joints that its model does not name, with places; the model is only read."""
+    from ....tasks.runtime.robots.robot_yaml.located_xml import parse_located
+    from ....tasks.runtime.robots.robot_yaml.mapping import alternatives, placed
+
+    try:
+        parts = [*parse_located(file.parent / model).iter()]
+    except LaunchError:
+        return  # MuJoCo reads more than this parser: the job says what is wrong
+    if parts[0].tag not in ("mujoco", "robot") or any(part.tag in _MAKES_JOINTS or ":" in part.tag for part in parts):
+        return
+    said = plain(parse(file.read_text(encoding="utf-8"), file.name))
+    drive, added = said["drive"], said.get("actuators", ())
+    joints = {part.get("name", "") for part in parts if part.tag in ("joint", "freejoint")}
+    actuators = {each.get("name", "") for part in parts if part.tag == "actuator" for each in part.iter()}
+    actuators |= {each.get("name", "") for each in added}
+    moved = {f"drive.{at}[{i}]": name for at in ("left", "right") for i, name in enumerate(drive.get(at, ()))}
+    moved |= {f"drive.{at}": drive[at] for at in ("x", "y", "yaw") if drive.get(at)}
+    held = {f"joints[{i}]": name for i, name in enumerate(said.get("joints") or ())}
+    held |= {f"actuators[{i}].joint": each["joint"] for i, each in enumerate(added)}
+    held |= {f"spawn.joints.{name}": name for name in said["spawn"].get("joints", ())}
+    for at, name in (moved | held).items():
+        there, what = (joints | actuators, "joints and actuators") if at in moved else (joints, "joints")
+        if name not in there:
+            words = f"{at}: the model has no {name!r}; {alternatives(name, sorted(there), what)}"
+            yield str(placed(LaunchError(f"{file.name}: {words}"), file))
 
 
 def _shown(file: Path | None, root: Path | None) -> str:

@@ -12,10 +12,13 @@ from ....schemas.operations.registry import OPERATIONS
 from ....schemas.settings import Settings
 from ....schemas.specs.parameters import AsText
 from ....schemas.specs.specification import CheckedSpec
-from ....schemas.specs.yaml_nodes import MappingNode, parse
+from ....schemas.specs.yaml_nodes import MappingNode, parse, plain
 from ....schemas.wire.errors import ConfigurationError, Place, Problem, SpecError
 from ...spec_runs.visitor_specifications import SHIPPED, checked
 from .named_code import check_code
+
+_WORLD_ARN = ":world/"
+"""Part of every world's ARN, and of no other."""
 
 
 class InputFileError(ConfigurationError):
@@ -95,6 +98,7 @@ def read_spec(
     spec = replace(spec, notes=(*spec.notes, *code.notes))
     try:
         spec = _with_worlds_found(spec)
+        _check_rooms(spec)
     except SpecError as error:
         code.problems.extend(error.problems)
     if code.problems:
@@ -114,6 +118,16 @@ def _with_worlds_found(spec: CheckedSpec, tell: Callable[[str, str], None] = lam
     from .options import open_service
 
     return with_worlds_found(spec, open_service(), tell)
+
+
+def _check_rooms(spec: CheckedSpec) -> None:
+    """Checks rooms of existing worlds as a run does before its first step; opens the catalog only if one is named."""
+    if not any(_WORLD_ARN in str(plain(step.input)) for step in spec.steps.values()):
+        return
+    from ....tasks.inspection.preflight import check_rooms
+    from .options import open_service
+
+    check_rooms(spec, open_service())
 
 
 def read_request(given: str, operation: str) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """Summary at the end of `robomaker run`: outcomes, paths of outputs, command to run it again."""
 
+import re
 import shlex
 from collections.abc import Sequence
 from typing import TextIO
@@ -19,6 +20,8 @@ _MAX_JOBS = 40
 _MAX_REASON = 500
 """Limit of the characters of a failure reason, or a remark, in the summary: the longest sentences of ours have 400."""
 _LOG_SAYS = "; its log ends with: "
+_LOG_BEGINS = "\nLast lines of "
+_ERROR_CLASS = re.compile(r"[\w.]+: ")
 
 
 def print_summary(
@@ -110,7 +113,9 @@ def _headline(record: RunRecord) -> str:
 
 
 def _step_line(step: StepRecord) -> list[Cell]:
-    return [("  ✗ ", "red"), (f"{step.name} ({step.operation}): ", "bold"), (step.error or "", "")]
+    error = step.error or ""
+    said = _in_one_line(error) if _LOG_BEGINS in error else error  # other errors may have a line for each problem
+    return [("  ✗ ", "red"), (f"{step.name} ({step.operation}): ", "bold"), (said, "")]
 
 
 def _job_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
@@ -180,10 +185,11 @@ def _in_one_line(reason: str) -> str:
 
     The log's line is left out if it repeats the reason.
     """
-    head, _, log = reason.strip().partition("\nLast lines of ")
+    head, _, log = reason.strip().partition(_LOG_BEGINS)
     first = next(iter(head.splitlines()), "")
     last = log.splitlines()[-1].strip() if "\n" in log else ""
-    is_said = last in first or first in last  # an error's line in a log begins with its class
+    # An error's line in a log begins with its class; a reason may begin with whose error it is.
+    is_said = last in first or first in last or first.endswith(f": {_ERROR_CLASS.sub('', last, count=1)}")
     return first if is_said else f"{first}{_LOG_SAYS}{last}"
 
 

@@ -4,9 +4,13 @@ from typing import Literal
 
 from pydantic import Field, field_validator
 
+from ...wire.request_problems import nearest
 from .kind import Look, Numbers, Requirement, RequirementKind, Rule, Scene
 
 NOT_THERE = "the environment has no requirement of this name to switch off"
+
+ROOMS_VISITED, NO_HARD_COLLISION, UPRIGHT = IN_ROOMS = ("rooms_visited", "no_hard_collision", "upright")
+"""Names of the requirements of `indoor-navigation`, all of which every job there has."""
 
 
 class OffRequirement(RequirementKind):
@@ -15,6 +19,13 @@ class OffRequirement(RequirementKind):
     violated_when = "never: the environment's own requirement of this `name` does not count; it has to have one"
 
     kind: Literal["off"] = Field(description="`off`.")
+
+    def unknown_in_rooms(self) -> str | None:
+        """Explains that `indoor-navigation` has no requirement of this name; `None` if it has."""
+        if self.name in IN_ROOMS:
+            return None
+        hint = nearest(self.name, IN_ROOMS) or f"; there are {', '.join(IN_ROOMS)}"
+        return f"is {self.name!r}; indoor-navigation has no requirement of this name to switch off{hint}"
 
     @field_validator("stop")
     @classmethod

@@ -7,6 +7,7 @@ from prefect_robomaker.schemas.operations.registry import check_request, parse_r
 from prefect_robomaker.schemas.operations.simulation_jobs import CreateSimulationJobRequest
 from prefect_robomaker.schemas.runs.requirement_kinds.clearance import ClearanceRequirement
 from prefect_robomaker.schemas.runs.requirement_kinds.goal import GoalRequirement
+from prefect_robomaker.schemas.runs.requirement_kinds.off import IN_ROOMS
 from prefect_robomaker.schemas.runs.requirement_kinds.time_limit import TimeLimitRequirement
 from prefect_robomaker.schemas.runs.requirements import (
     parse_requirements,
@@ -154,6 +155,16 @@ def test_a_job_that_is_stored_already_is_read_with_any_variable() -> None:
 def test_member_and_variable_must_not_differ() -> None:
     (problem,) = problems([LIMIT], [{**LIMIT, "limit_s": 61}])
     assert problem == f"requirements and {PLACE} differ; leave one of them out"
+
+
+def test_only_what_indoor_navigation_has_can_be_switched_off_there() -> None:
+    assert [problems([{"kind": "off", "name": name}]) for name in IN_ROOMS] == [[]] * 3
+    (problem,) = problems([{"kind": "off", "name": "room_visited"}])
+    assert problem == (
+        "requirements[0].name: is 'room_visited'; indoor-navigation has no requirement of this name to switch off; "
+        "did you mean 'rooms_visited'?"
+    )
+    assert problems([{"kind": "off", "name": "room_visited"}], application="mine") == []
 
 
 def test_a_room_needs_a_world() -> None:

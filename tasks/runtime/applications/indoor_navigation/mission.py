@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from .....schemas.runs.plan import Collision, Requirement, RoomVisit
+from .....schemas.runs.requirement_kinds.off import NO_HARD_COLLISION, ROOMS_VISITED, UPRIGHT
 from .....schemas.wire.common import counted
 from .....schemas.worlds.world import Room, bounds, contains
 from ...episode.context import KeepsAttributes
@@ -27,7 +28,6 @@ TIPPED_OVER_RAD = math.radians(35)
 
 
 _PATH_PERIOD_S = 0.2
-_NO_HARD_COLLISION = "no_hard_collision"
 
 
 class Mission(KeepsAttributes):
@@ -107,7 +107,7 @@ class Mission(KeepsAttributes):
         time_s = self._last.time_s if self._last else 0.0
         requirements = self._requirements(time_s, max_force_N)
         if not can_touch:
-            requirements = [_never_touches(item) if item.name == _NO_HARD_COLLISION else item for item in requirements]
+            requirements = [_never_touches(item) if item.name == NO_HARD_COLLISION else item for item in requirements]
         missed = [requirement for requirement in requirements if not requirement.satisfied]
         progress = f"{self.visited_count} of {counted(len(self._rooms), 'room')} visited in {time_s:.1f} s"
         return EnvironmentReport(
@@ -138,17 +138,17 @@ class Mission(KeepsAttributes):
         rooms = counted(len(self._rooms), "room")
         return [
             Requirement(
-                name="rooms_visited",
+                name=ROOMS_VISITED,
                 satisfied=not unseen,
                 detail=f"not visited: {', '.join(unseen)}{late}" if unseen else f"all {rooms} visited",
             ),
             Requirement(
-                name=_NO_HARD_COLLISION,
+                name=NO_HARD_COLLISION,
                 satisfied=max_force_N <= HARD_COLLISION_N,
                 detail=f"hardest touch {max_force_N:.1f} N, at most {HARD_COLLISION_N:g} N allowed",
             ),
             Requirement(
-                name="upright",
+                name=UPRIGHT,
                 satisfied=not self.tipped_over,
                 detail="the robot tipped over" if self.tipped_over else "the robot stayed upright",
             ),

@@ -43,6 +43,7 @@ RIGHT = ROBOT.replace("wide", "0.2").replace("colour: red\n", "")
 POLICY = SPEC.replace("packageName: my_rover, launchFile: make_agent", "").replace(
     "iamRole", "policy: my_rover:make_agent\n      iamRole"
 )
+MODEL = '<robot><joint name="a"/><joint name="b"/></robot>'
 AGENT = "import sys\nraise SystemExit('this was imported')\n\n\ndef make_agent(context, environment): ...\n"
 
 
@@ -94,6 +95,35 @@ def test_all_that_is_wrong_in_an_archive_is_told_with_both_places(
         ({"__init__.py": ""}, SPEC.replace("my_rover", "rover"), "the bundle has no package rover (needed for rover."),
         ({"__init__.py": ""}, SPEC.replace("make_agent", "drive.py"), "the bundle has no my_rover/drive.py"),
         ({"__init__.py": AGENT, "robot.yaml": RIGHT}, SPEC, "/robot.yaml: model: there is no file 'robot.urdf'"),
+        ({"__init__.py": AGENT, "robot.yaml": RIGHT, "robot.urdf": MODEL}, SPEC, None),
+        (
+            {"__init__.py": AGENT, "robot.yaml": RIGHT, "robot.urdf": MODEL.replace('"a"', '"left_wheel"')},
+            SPEC,
+            "my_rover/robot.yaml:7:31: drive.left[0]: the model has no 'a'; it has joints and actuators b, left_wheel",
+        ),
+        (
+            {
+                "__init__.py": AGENT,
+                "robot.yaml": RIGHT.replace("height_m: 0.0", "height_m: 0.0, joints: {b: 1, arm: 2}"),
+                "robot.urdf": MODEL,
+            },
+            SPEC,
+            "my_rover/robot.yaml:5:44: spawn.joints.arm: the model has no 'arm'; it has joints a, b",
+        ),
+        (
+            {"__init__.py": AGENT, "robot.yaml": RIGHT, "robot.urdf": "<mujoco><include file='wheels.xml'/></mujoco>"},
+            SPEC,
+            None,
+        ),
+        (
+            {
+                "__init__.py": AGENT,
+                "robot.yaml": f"{RIGHT}actuators: [{{joint: a, name: b, kind: motor}}, {{joint: c, kind: motor}}]\n",
+                "robot.urdf": MODEL.replace('"b"', '"d"'),
+            },
+            SPEC,
+            "my_rover/robot.yaml:9:55: actuators[1].joint: the model has no 'c'; it has joints a, d",
+        ),
         ({"__init__.py": AGENT, "robot.yaml": ROBOT}, SPEC.replace("indoor-navigation", "mine"), None),
         ({"__init__.py": AGENT}, POLICY, None),
         (

@@ -108,6 +108,11 @@ def test_what_the_last_line_of_a_log_repeats_is_said_once() -> None:
     log = f"{reason}\nLast lines of logs/stderr.log:\n  File x\nLaunchError: {reason}"
     jobs = [record().jobs[1].model_copy(update={"failure_reason": log})]
     assert next(line for line in lines(record(jobs=jobs)) if "robot.yaml" in line).endswith(f"Crash: {reason}")
+    steps = [record().steps[0].model_copy(update={"error": log})]
+    assert next(line for line in lines(record(steps=steps)) if "✗" in line).endswith(f"): {reason}")
+    whole = f"Robot application rover has no robot that can be used: {reason}"
+    jobs = [jobs[0].model_copy(update={"failure_reason": log.replace(reason, whole, 1)})]
+    assert next(line for line in lines(record(jobs=jobs)) if "robot.yaml" in line).endswith(f"Crash: {whole}")
 
 
 def test_a_run_that_was_forecast_says_how_far_off_that_was() -> None:

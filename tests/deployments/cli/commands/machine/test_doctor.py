@@ -102,6 +102,7 @@ def test_a_home_that_all_users_of_the_machine_may_look_into_is_told(tmp_path: Pa
     finding = doctor_checks.check_home(tmp_path)
     assert finding.health == told
     assert ("open to all users" in finding.found) == (told == "warning")
+    assert f"{tmp_path}, 0 MB" in finding.found
 
 
 def test_what_a_home_takes_up_is_said_by_its_largest_folders(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from prefect_robomaker.schemas.runs.requirement_kinds.off import IN_ROOMS
 from prefect_robomaker.schemas.worlds.world import Room, contains
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.mission import Mission
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.telemetry import RobotState
@@ -48,6 +49,7 @@ def test_each_requirement_can_fail_the_run(tilt: float, force: float, name: str)
     report = mission.report([], 1, force)
     failed = {item.name: item.detail for item in report.requirements if not item.satisfied}
     assert set(failed) == {"rooms_visited", name}
+    assert tuple(item.name for item in report.requirements) == IN_ROOMS, "requests are checked by these names"
     assert failed["rooms_visited"] == "not visited: far"
     assert all(detail in report.summary for detail in failed.values())
 
