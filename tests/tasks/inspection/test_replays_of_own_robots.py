@@ -1,6 +1,8 @@
 """Runs of a robot of one's own that a program drives are repeated with that robot, not with Scout."""
 
+import os
 import shutil
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -29,17 +31,28 @@ with connect() as simulation:
     for step in simulation:
         simulation.act([os.urandom(1)[0] / 1000, 0.1])
 """
+COMMAND = {"command": ["python3", "drive.py"]}
+NAMED = {**COMMAND, "environmentVariables": {"ROBOMAKER_ROBOT": "robot.yaml"}}
+LAUNCH_FILE = {"packageName": "cart", "launchFile": "drive.launch.py"}
 Drive = Callable[..., dict[str, Any]]
 
 
 @pytest.fixture
-def drive(service: Service, tmp_path: Path) -> Drive:
+def drive(service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Drive:
     """Runs a job of a second in which a program drives a cart; both are in the top folder of an archive."""
     bundle = tmp_path / "cart"
     write_robot(bundle, CART_MAPPING)
     for file in (bundle / "my_cart").iterdir():
         file.rename(bundle / file.name)
     (bundle / "drive.py").write_text(DRIVER)
+    (bundle / "cart" / "launch").mkdir(parents=True)
+    (bundle / "cart" / "launch" / "drive.launch.py").touch()
+    ros2 = tmp_path / "ros" / "bin" / "ros2"  # it stands for a ROS whose node drives
+    ros2.parent.mkdir(parents=True)
+    ros2.write_text(f"#!/bin/sh\nexec {sys.executable} drive.py\n")
+    ros2.chmod(0o755)
+    monkeypatch.setenv("PATH", str(ros2.parent), prepend=os.pathsep)
+    monkeypatch.setenv("ROBOMAKER_SANDBOX_SHOW", str(tmp_path / "ros"))
     service.store.ensure_bucket("applications")
     pack_tar_gz(bundle, tmp_path / "cart.tar.gz")
     service.store.put_file("applications", "cart.tar.gz", tmp_path / "cart.tar.gz")
@@ -48,8 +61,7 @@ def drive(service: Service, tmp_path: Path) -> Drive:
     body = WorldTemplateBody.model_validate({**BODY, "Version": "2"})
     world = keep_world(generate_world(body, 1, 2), "import", {}, service)
 
-    def run(**variables: str) -> dict[str, Any]:
-        launch = {"command": ["python3", "drive.py"], "environmentVariables": variables}
+    def run(launch: dict[str, Any]) -> dict[str, Any]:
         request = {
             "maxJobDurationInSeconds": 60,
             "iamRole": ROLE,
@@ -75,14 +87,15 @@ def said(outputs: Path) -> str:
     return (outputs / "logs" / "stdout.log").read_text()
 
 
-@pytest.mark.parametrize("variables", [{}, {"ROBOMAKER_ROBOT": "robot.yaml"}])
+@pytest.mark.parametrize("launch", [COMMAND, NAMED, LAUNCH_FILE])
 def test_the_robot_of_its_archive_is_in_the_rerun_though_its_program_is_not_run(
-    service: Service, drive: Drive, tmp_path: Path, variables: dict[str, str]
+    service: Service, drive: Drive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, launch: dict[str, Any]
 ) -> None:
-    job = drive(**variables)
+    job = drive(launch)
     first = said(outputs_of(service, job))
     assert first.startswith("Robot: cart, ")
     service.store.delete("applications", "cart.tar.gz")
+    monkeypatch.setenv("PATH", "/usr/bin:/bin")  # without ROS
     shutil.rmtree(service.settings.home / "cache" / "applications")  # another machine has the kept archive only
 
     answer = verify_run(job["arn"], service)
@@ -98,7 +111,7 @@ def test_the_robot_of_its_archive_is_in_the_rerun_though_its_program_is_not_run(
 
 
 def test_without_the_archive_nothing_is_said_of_the_run(service: Service, drive: Drive, tmp_path: Path) -> None:
-    job = drive()
+    job = drive(COMMAND)
     service.store.delete("applications", "cart.tar.gz")
     forget_archives(service)
 
