@@ -61,11 +61,19 @@ def drive(service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     body = WorldTemplateBody.model_validate({**BODY, "Version": "2"})
     world = keep_world(generate_world(body, 1, 2), "import", {}, service)
 
-    def run(launch: dict[str, Any]) -> dict[str, Any]:
+    package = tmp_path / "site" / "carts"
+    shutil.copytree(bundle, package)
+    (package / "__init__.py").touch()
+    monkeypatch.setenv("PYTHONPATH", str(package.parent))
+    monkeypatch.syspath_prepend(package.parent)
+    installed = {"name": "carts", "environment": {"uri": "python://carts"}, "robotSoftwareSuite": SUITE}
+    call("CreateRobotApplication", installed, service)
+
+    def run(launch: dict[str, Any], application: str = "cart") -> dict[str, Any]:
         request = {
             "maxJobDurationInSeconds": 60,
             "iamRole": ROLE,
-            "robotApplications": [{"application": "cart", "launchConfig": launch}],
+            "robotApplications": [{"application": application, "launchConfig": launch}],
             "simulationApplications": [
                 {
                     "application": "indoor-navigation",
@@ -122,3 +130,10 @@ def test_without_the_archive_nothing_is_said_of_the_run(service: Service, drive:
     assert (answer.answer, answer.reasons) == ("not comparable", [gone])
     assert made.other_inputs == [gone]
     assert "the robot application cart has no files here" in said(made.folder / "rerun" / "output")
+
+
+def test_the_robot_of_an_installed_package_is_in_the_rerun(service: Service, drive: Drive) -> None:
+    job = drive({"command": [sys.executable, "-m", "carts.drive"]}, "carts")
+    assert said(outputs_of(service, job)).startswith("Robot: carts, from robot.yaml of the robot application carts.")
+
+    assert verify_run(job["arn"], service).answer == "bit-identical"
