@@ -18,12 +18,13 @@ from ..runtime.replay.replay import (
     why_not_comparable,
     why_not_repeatable,
     why_other_inputs,
-    without_robot,
+    without_robot_programs,
 )
 from ..runtime.replay.repro import Reproduction, in_words, is_expected, rerun_ending, write_reproduction
 from ..runtime.states.provenance import machine_facts
 from ..service.service import Service
 from ..simulations.containers.cleanup import remove_containers
+from ..simulations.inputs.bundles import earlier_bundle
 from ..simulations.planning.run_plans import run_plan
 from ..simulations.ros.ros_domains import own_domain
 from ..storage import MANIFEST_NAME
@@ -37,7 +38,7 @@ def verify_run(
 ) -> Verification:
     """Repeats a simulation run on this machine and compares all simulation states with the recorded ones.
 
-    A robot program is not run again: its recorded actions are played back.
+    A robot program is not run again: its recorded actions are played back, in the robot of its archive.
 
     Args:
         reference: ARN or id of a simulation job, `s3://bucket/prefix` or a folder of outputs.
@@ -205,7 +206,7 @@ def plan_here(run: FoundRun, folder: Path, service: Service, ros_domain: int) ->
     """
     plan = run.outputs.provenance.plan
     if run.outputs.actions is not None:
-        plan = without_robot(plan)
+        plan = _with_robot_files(without_robot_programs(plan), run.job, service)
     if run.job is not None:
         try:
             return plan_of_found_trial(_plan_of_job(run.job, plan, folder, service, ros_domain), plan)
@@ -226,8 +227,21 @@ def plan_here(run: FoundRun, folder: Path, service: Service, ros_domain: int) ->
     return plan
 
 
+def _with_robot_files(plan: RunPlan, job: Resource | None, service: Service) -> RunPlan:
+    """Returns a plan whose robot application has the folder with its archive here.
+
+    It has none if the archive that the run had is gone: most environments do not miss it.
+    """
+    robot = plan.robot_application
+    if robot is None or robot.path is None or (job is None and robot.path.is_dir()):
+        return plan
+    etag = _archives_of(job, plan)["robot"] if job is not None else robot.path.name
+    folder = earlier_bundle(etag, "Robot", service)
+    return plan.model_copy(update={"robot_application": robot.model_copy(update={"path": folder})})
+
+
 def _plan_of_job(job: Resource, plan: RunPlan, folder: Path, service: Service, ros_domain: int) -> RunPlan:
-    """Makes the plan from the job's request; for recorded actions, the robot's archive or image is not downloaded."""
+    """Makes the plan from the job's request; for recorded actions, no program or image of the robot is looked for."""
     if not plan.has_robot_program or plan.programs:
         return run_plan(job, plan.run_id, folder, service, ros_domain, as_ran=_archives_of(job, plan))
     document = SimulationJobDocument.of(job)

@@ -64,7 +64,7 @@ def why_not_repeatable(run: RunOutputs, *, run_program: bool = False) -> list[st
         run_program: Whether the robot program is run again instead of using its recorded actions.
     """
     plan = run.provenance.plan
-    programs = without_robot(plan).programs if run.actions is not None and not run_program else plan.programs
+    programs = without_robot_programs(plan).programs if run.actions is not None and not run_program else plan.programs
     if plan.has_robot_program:
         programs = [each for each in programs if each.kind == "tool"]
     reasons = [
@@ -75,15 +75,12 @@ def why_not_repeatable(run: RunOutputs, *, run_program: bool = False) -> list[st
     return reasons
 
 
-def without_robot(plan: RunPlan) -> RunPlan:
-    """Returns a plan without the code of the robot application, as recorded actions are to replace it."""
-    robot, nothing = plan.robot_application, {"path": None, "package": None}
-    return plan.model_copy(
-        update={
-            "robot_application": robot.model_copy(update=nothing) if robot else None,
-            "programs": [each for each in plan.programs if each.role != "robot"],
-        }
-    )
+def without_robot_programs(plan: RunPlan) -> RunPlan:
+    """Returns a plan without the programs of the robot application, as recorded actions are to replace them.
+
+    Its files stay: the environment takes the robot's model from them, and requirements may name functions in them.
+    """
+    return plan.model_copy(update={"programs": [each for each in plan.programs if each.role != "robot"]})
 
 
 def why_not_comparable(one: MachineFacts, other: MachineFacts) -> list[str]:
@@ -112,16 +109,23 @@ def why_not_comparable(one: MachineFacts, other: MachineFacts) -> list[str]:
 def why_other_inputs(one: Provenance, other: Provenance) -> list[str]:
     """Lists the inputs of a rerun that differ from the run's: world, applications, images, seed; empty if none does.
 
+    A robot application whose recorded actions were played back counts only if the model is another one: its program was
+    not run.
+
     Args:
         one: Provenance of the run.
         other: Provenance of the rerun.
     """
-    there = {each.role: each.sha256 for each in one.applications}
+    is_same_robot = other.plan.recorded_actions is not None and one.model_sha256 == other.model_sha256
+    there = {each.role: each.sha256 for each in one.applications if each.role != "robot" or not is_same_robot}
     reasons = [
         f"the {each.role} application {each.name} is not what it was"
         for each in other.applications
         if there.get(each.role, each.sha256) != each.sha256
     ]
+    robot = other.plan.robot_application
+    if "robot" in there and robot is not None and robot.path is None and robot.package is None:
+        reasons += _why_no_archive(one.plan)
     images = _images(one.plan)
     reasons += [
         f"{program_in_words(each, other.plan)} is of another image than it was"
@@ -133,6 +137,14 @@ def why_other_inputs(one: Provenance, other: Provenance) -> list[str]:
     if one.plan.seed != other.plan.seed:
         reasons.append(f"the seed was {one.plan.seed} and is {other.plan.seed}")
     return reasons
+
+
+def _why_no_archive(plan: RunPlan) -> list[str]:
+    """Returns the reason why a rerun lacks the robot's archive; empty if the run had none."""
+    robot = plan.robot_application
+    if robot is None or robot.attribute is not None or robot.path is None:
+        return []
+    return [f"the archive of robot application {robot.name} is not here any more, and its robot is another one without"]
 
 
 def _images(plan: RunPlan) -> dict[str, str]:
@@ -152,7 +164,7 @@ def rerun_plan(plan: RunPlan, of: RunOutputs, folder: Path, video: VideoPolicy =
     first = of.provenance
     stopped = first.ended_by in STOPPED_FROM_OUTSIDE and first.digest is not None
     if of.actions is not None:
-        plan = without_robot(plan)
+        plan = without_robot_programs(plan)
     return plan.model_copy(
         update={
             "work_dir": folder / "work",

@@ -46,7 +46,9 @@ class FoundRobot(NamedTuple):
         return f"Robot: {self.robot.name}, {self.why}."
 
 
-def find_robot(application: ApplicationPlan | None, variables: Mapping[str, str]) -> FoundRobot:
+def find_robot(
+    application: ApplicationPlan | None, variables: Mapping[str, str], *, is_container: bool = False
+) -> FoundRobot:
     """Finds the robot model of a simulation job, and returns it with the reason for the choice.
 
     Takes the robot that a variable names, else the application's own; without either, the built-in robot Scout.
@@ -54,6 +56,7 @@ def find_robot(application: ApplicationPlan | None, variables: Mapping[str, str]
     Args:
         application: Robot application of the job, if it names one.
         variables: Environment variables of the launch configurations, and of the process.
+        is_container: Whether the robot application is a container, to give the reason.
 
     Raises:
         LaunchError: The robot that is meant does not exist, or cannot be made.
@@ -73,15 +76,18 @@ def find_robot(application: ApplicationPlan | None, variables: Mapping[str, str]
         module = application.name  # the attribute is that of the policy's factory
     if module in BUILT_IN:
         return FoundRobot(BUILT_IN[module], f"which the robot application {application.name} drives")
-    return FoundRobot(SCOUT, f"since {_why_it_has_none(application, package)}")
+    return FoundRobot(SCOUT, f"since {_why_it_has_none(application, package, is_container)}")
 
 
-def _why_it_has_none(application: ApplicationPlan, package: Package | None) -> str:
+def _why_it_has_none(application: ApplicationPlan, package: Package | None, is_container: bool) -> str:
     """Returns the reason why a robot application has no robot model, as text with the file that was probably meant."""
     owner = f"the robot application {application.name}"
     if package is None:
-        is_container = application.attribute is None and application.package is None
-        return f"{owner} {'is a container' if is_container else f'has no {MAPPING_FILE}'}"
+        if is_container:
+            return f"{owner} is a container"
+        # A rerun from recorded actions may lack the archive of the program, or be that of a container.
+        has_files = application.attribute is not None or application.package is not None
+        return f"{owner} has no {MAPPING_FILE if has_files else 'files here'}"
     places = [f"{folder.relative_to(package.root).as_posix()}/" for folder in package.folders[:-1]]
     found = next(
         (file for depth in ("*", "*/*") for file in sorted(package.root.glob(f"{depth}/{MAPPING_FILE}"))), None

@@ -112,7 +112,7 @@ def application_bundle(
         StorageError: The object store does not answer.
     """
     bucket, key = source["s3Bucket"], source["s3Key"]
-    if keeper is not None and as_ran is not None and (folder := _earlier_bundle(as_ran, role, keeper)) is not None:
+    if keeper is not None and as_ran is not None and (folder := earlier_bundle(as_ran, role, keeper)) is not None:
         return folder
     has_kept = False
     try:
@@ -154,10 +154,20 @@ def _copied(archive: Path, copy: Path, info: ObjectInfo) -> ObjectInfo:
     return info
 
 
-def _earlier_bundle(etag: str, role: str, keeper: Service) -> Path | None:
+def earlier_bundle(etag: str, role: str, keeper: Service) -> Path | None:
     """Returns the folder with the unpacked archive of an ETag, from this machine's cache or from the kept archives.
 
-    Returns `None` if neither has it. Raises `LaunchError` if the kept archive cannot be unpacked.
+    Args:
+        etag: ETag that the archive had.
+        role: `Robot` or `Simulation`, for failure codes.
+        keeper: The service with its own access to the store.
+
+    Returns:
+        The folder; `None` if neither has the archive.
+
+    Raises:
+        LaunchError: The kept archive cannot be unpacked.
+        StorageError: The object store does not answer.
     """
 
     def fill(folder: Path) -> None:

@@ -115,7 +115,7 @@ def test_a_failure_of_a_program_that_no_seed_repeats_becomes_a_test(
     # Somebody else's machine has neither this catalog nor this store, nor the robot.
     elsewhere = made.folder.rename(tmp_path / "elsewhere")
     shutil.rmtree(service.settings.home)
-    assert not list(elsewhere.rglob("push.py"))
+    (elsewhere / "applications" / "robot" / "push.py").unlink()  # its files are there, and its program is not run
     written = runpy.run_path(str(elsewhere / made.test.name))
     rerun = written["REPRODUCTION"].rerun(tmp_path / "rerun", launcher=launcher())
     written["test_it_ends_as_it_did"](rerun)
@@ -215,6 +215,7 @@ def test_a_program_of_an_installed_package_is_told_apart_too(
     (package / "push.py").write_text((package / "push.py").read_text().replace("float(push)", "-float(push)"))
     [reason] = verify_run(job["arn"], service, run_program=True).reasons
     assert reason == "the robot application push is not what it was"
+    assert verify_run(job["arn"], service).answer == "bit-identical", "which needs no program"
 
 
 @pytest.mark.deep

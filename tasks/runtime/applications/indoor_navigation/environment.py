@@ -110,7 +110,9 @@ def make_environment(context: SimulationContext) -> IndoorNavigation:
             "indoor-navigation drives through a world and the job names none; "
             'name one in the simulation application: worldConfigs: [{"world": "<ARN of a world>"}]'
         )
-    found = find_robot(context.plan.robot_application, {**os.environ, **context.environment})
+    plan = context.plan
+    is_container = any(program.role == "robot" and program.image_id is not None for program in plan.programs)
+    found = find_robot(plan.robot_application, {**os.environ, **context.environment}, is_container=is_container)
     sys.stdout.write(f"{found}\n")
     robot = found.robot
     limit_s = _time_limit_s(context.environment.get(TIME_LIMIT_VARIABLE), context.world, robot)

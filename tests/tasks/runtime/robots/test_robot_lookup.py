@@ -81,7 +81,9 @@ def test_it_says_which_robot_it_is_and_why(tmp_path: Path) -> None:
     assert str(find_robot(None, {})) == "Robot: scout, since there is no robot application."
     walker = plan(f"{BUILT_IN}.walker.make_agent")
     assert str(find_robot(walker, {})) == "Robot: walker, which the robot application mine drives."
-    assert str(find_robot(plan(None), {})) == "Robot: scout, since the robot application mine is a container."
+    boxed = find_robot(plan(None), {}, is_container=True)
+    assert str(boxed) == "Robot: scout, since the robot application mine is a container."
+    assert str(find_robot(plan(None), {})) == "Robot: scout, since the robot application mine has no files here."
     program = plan(None, tmp_path)
     assert str(find_robot(program, {})) == (
         "Robot: scout, since the robot application mine has no robot.yaml in its top folder "
