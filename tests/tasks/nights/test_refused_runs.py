@@ -1,6 +1,7 @@
 """Runs of a deployment that are refused before their first step: somebody is told, and the data home has them."""
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from helpers.small_flat import ROLE
 
 from prefect_robomaker.flows.deployed_pipelines import with_parameters
 from prefect_robomaker.tasks.inspection.run_records import read_record
+from prefect_robomaker.tasks.service import service
 
 JOB = {
     "maxJobDurationInSeconds": 60,
@@ -34,6 +36,15 @@ SPEC = json.dumps(
 )
 
 
+@pytest.fixture
+def own_service() -> Iterator[None]:
+    """A process has one service, that of its variables: here each test has its own."""
+    service._from_environment.cache_clear()  # pyright: ignore[reportPrivateUsage]
+    yield
+    service._from_environment.cache_clear()  # pyright: ignore[reportPrivateUsage]
+
+
+@pytest.mark.usefixtures("own_service")
 @pytest.mark.parametrize(
     ("values", "catalog_url", "reason"),
     [
@@ -76,18 +87,26 @@ def test_a_deployed_run_that_is_refused_is_told_and_kept(
 
 
 def test_a_run_by_hand_that_is_refused_leaves_no_folder(
-    robomaker_at_server: Command, home: Path, tmp_path: Path
+    robomaker_at_server: Command, home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     job = {
         "maxJobDurationInSeconds": 60,
         "iamRole": ROLE,
-        "robotApplications": [{"application": "x", "launchConfig": {}}],
+        "robotApplications": [{"application": "scout", "launchConfig": {}}],
+        "outputLocation": {"s3Bucket": "elsewhere"},
     }
-    spec = {"version": 1, "name": "night4", "steps": {"drive": {"operation": "CreateSimulationJob", "input": job}}}
     path = tmp_path / "night4.yaml"
-    path.write_text(json.dumps(spec))
+    path.write_text(
+        json.dumps(
+            {"version": 1, "name": "night4", "steps": {"drive": {"operation": "CreateSimulationJob", "input": job}}}
+        )
+    )
+    store = tmp_path / "store"
+    store.mkdir()
+    (store / "elsewhere").write_text("a file, where the bucket would be a folder")
+    monkeypatch.setenv("ROBOMAKER_OBJECT_STORE", str(store))
 
     ended = robomaker_at_server("run", path)
 
-    assert (ended.code, "there is no robot application 'x'" in ended.err) == (2, True), ended.err
+    assert (ended.code, "elsewhere" in ended.err) == (3, True), ended
     assert not list((home / "runs").glob("*"))
