@@ -180,11 +180,14 @@ def _runs(schedule: NightSchedule, settings: Settings, client: SyncPrefectClient
 
 
 def _has_begun(run: FlowRun, schedule: NightSchedule, settings: Settings) -> bool:
-    """Whether a flow run began, and has a run in the data home if its process died."""
+    """Whether a flow run began, and has a run in the data home if its process died or it failed.
+
+    One that fails before its code is called, as when a package is missing, has none.
+    """
     if run.start_time is None or run.state is None:
         return False
-    is_dead = run.state.type is StateType.CRASHED
-    return not is_dead or has_run(settings.home, schedule.name, run.start_time, run.state.timestamp)
+    may_have_none = run.state.type in (StateType.CRASHED, StateType.FAILED)
+    return not may_have_none or has_run(settings.home, schedule.name, run.start_time, run.state.timestamp)
 
 
 def _tell(before: NightSchedule, found: NightSchedule, settings: Settings) -> None:

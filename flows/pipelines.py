@@ -29,6 +29,7 @@ from ..schemas.specs.check import load_spec
 from ..schemas.specs.checking.impossible_goals import check_world_counts
 from ..schemas.specs.parameter_values import param_options, set_options
 from ..schemas.specs.resolving import resolve_input
+from ..schemas.specs.specification import CheckedSpec
 from ..schemas.wire.errors import (
     ConfigurationError,
     ResourceNotFoundException,
@@ -56,6 +57,7 @@ from ..tasks.nights.early_ends import EarlyEnd
 from ..tasks.nights.ending import RunFacts, finish_run
 from ..tasks.nights.kept_answers import KeptAnswers
 from ..tasks.nights.open_runs import OpenRun
+from ..tasks.nights.refused_runs import finish_refused, known_spec
 from ..tasks.nights.run_orders import keep_order, ordered_run, taken_run, tell_of_left
 from ..tasks.nights.taking_up import TakingUp
 from ..tasks.nights.wanted_runs import WantedRun
@@ -155,7 +157,14 @@ def RunPipeline(
             else:
                 taking_up = TakingUp(settings, tell=tell_of_left)
                 taking_up.start()
-                pipeline = PipelineRun.of_parameters(spec, text, origin, reuse=reuse, parameters=parameters)
+                try:
+                    pipeline = PipelineRun.of_parameters(spec, text, origin, reuse=reuse, parameters=parameters)
+                except Exception as error:
+                    wait_if_ending()
+                    wanted = _refused(spec, text, origin, reuse=reuse, parameters=parameters)
+                    ids = {"flow_run": flow_run.id, "deployment": deployment.id}
+                    finish_refused(wanted, error, settings, _log, **ids)
+                    raise
     service = pipeline.service
     with ends_as_cancelled(), watched_run(service.catalog, pipeline.cancel):
         pipeline.run()
@@ -188,7 +197,7 @@ class PipelineRun:
             started_at=started_at,
             # When it begins: later the folder may have moved on to another commit.
             source=order.source if order and order.interruptions else commit_of(Path(wanted.spec_path)),
-            folder=service.folder("runs", self.run_id),
+            folder=service.settings.home / "runs" / self.run_id,
         )
         against = wanted.against
         self._early = EarlyEnd(against, checked, service, listener, open_run) if against is not None else None
@@ -232,11 +241,7 @@ class PipelineRun:
         check_preconditions(checked, service.patient(checked.name, lambda: False))
         if not reuse:
             check_disk(checked, service)
-        command = ["robomaker", "run", origin, *set_options(checked.parameters), *(["--reuse"] if reuse else [])]
-        if name := deployment.name:
-            command = ["prefect", "deployment", "run", f"RunPipeline/{name}"]
-            command += [*param_options(checked.parameters), *(["--param=reuse=true"] if reuse else [])]
-        return cls(WantedRun(checked, origin, command, reuse=reuse), service, _log)
+        return cls(_wanted(checked, origin, reuse=reuse), service, _log)
 
     def run(self) -> RunRecord:
         """Runs all steps of a specification and returns the run's record; steps after a failed one are skipped.
@@ -245,6 +250,7 @@ class PipelineRun:
         again.
         """
         failed = False
+        self._facts.folder.mkdir(parents=True, exist_ok=True)  # not before: a run that is refused leaves none
         self._keep_order()
         try:
             for name in self._checked.order:
@@ -470,10 +476,12 @@ class PipelineRun:
         return finish_run(
             self._facts,
             self._steps,
+            self._service.settings,
             self._service,
             self._listener,
             is_canceled=self._is_canceled,
             against=self._outlasting(lambda: early.answer(self._steps)) if early is not None else None,
+            ended_at=self._service.clock(),
             interruptions=self.interruptions,
             flow_run=flow_run.id,
             outlasting=self._outlasting,
@@ -481,6 +489,26 @@ class PipelineRun:
 
 
 _current: ContextVar[PipelineRun | None] = ContextVar("robomaker_pipeline", default=None)
+
+
+def _wanted(checked: CheckedSpec, origin: str, *, reuse: bool) -> WantedRun:
+    """Makes the order of a Prefect flow run, with the command that repeats it: that of its deployment if it has one."""
+    command = ["robomaker", "run", origin, *set_options(checked.parameters), *(["--reuse"] if reuse else [])]
+    if name := deployment.name:
+        command = ["prefect", "deployment", "run", f"RunPipeline/{name}"]
+        command += [*param_options(checked.parameters), *(["--param=reuse=true"] if reuse else [])]
+    return WantedRun(checked, origin, command, reuse=reuse)
+
+
+def _refused(
+    spec: str | None, text: str | None, origin: str, *, reuse: bool, parameters: Mapping[str, Any] | None
+) -> WantedRun:
+    """Makes the order of a flow run that was refused, as far as its specification can be read."""
+    if spec is not None:
+        text, origin = None, spec
+        with suppress(ConfigurationError, ValueError):  # a ValueError: it is no UTF-8
+            text = read_spec_file(Path(spec))
+    return _wanted(known_spec(text, origin, parameters, deployment.name), origin, reuse=reuse)
 
 
 def _log(event: ProgressEvent) -> None:

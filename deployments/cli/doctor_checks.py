@@ -469,6 +469,7 @@ def check_nights(settings: Settings) -> Finding:
         for night in each.missed
         if night.due_at > week
     ]
+    found += _refused_nights(settings, week)
     paused = [f"{each.name}: its schedule is paused" for each in schedules_of(settings.home) if each.paused_since]
     pools = without_worker(settings)
     waits = [f"{name}: no Prefect worker of the pool {pool} is running" for name, pool in pools]
@@ -477,6 +478,24 @@ def check_nights(settings: Settings) -> Finding:
         remedies += ["prefect deployment schedule ls RunPipeline/NAME, then resume"] if paused else []
         return Finding("nights", "warning", "\n".join([*waits, *paused, *found[-_MOST_MISSED:]]), "\n".join(remedies))
     return Finding("nights", "ok", "all nights of the last week happened, and a Prefect worker waits for the next")
+
+
+def _refused_nights(settings: Settings, since: datetime) -> list[str]:
+    """Describes runs of scheduled specifications that were refused before their first step since a time.
+
+    An example: `nightly: refused on 27 November (02:00 UTC): REASON`.
+    """
+    from ...tasks.inspection.run_records import find_records
+    from ...tasks.nights.missed_nights import schedules_of
+
+    names = dict.fromkeys(each.name for each in schedules_of(settings.home))
+    return [
+        f"{name}: refused on {run.started_at.day} {run.started_at:%B} ({run.started_at:%H:%M} UTC): "
+        f"{run.refusal.splitlines()[0]}"
+        for name in names
+        for run in find_records(settings.home / "runs", name, _MOST_MISSED).records
+        if run.refusal and run.started_at > since
+    ]
 
 
 def check_notifications(settings: Settings, *, notify: bool) -> Finding:

@@ -84,6 +84,13 @@ class StepRecord(Model):
     error: str | None = optional("Reason of the failure as text.")
 
 
+BEFORE_STEPS = "before the first step"
+"""Name of the step in the record of a run that was refused before its first step; a step of a specification has none.
+
+Its error is the reason.
+"""
+
+
 class RerunOf(Model):
     """The earlier run whose jobs, all or some, a rerun repeats."""
 
@@ -243,6 +250,11 @@ class RunRecord(Model):
         default=[], description="When its processes died, so that others finished it; mostly none did."
     )
     run_dir: Path = Field(description="Folder of this run: this record, the specification, the report.")
+
+    @property
+    def refusal(self) -> str | None:
+        """Reason why the run was refused before its first step; `None`: it was not."""
+        return next((step.error for step in self.steps if step.name == BEFORE_STEPS), None)
 
 
 def interrupted_briefly(count: int) -> str:

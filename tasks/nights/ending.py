@@ -4,6 +4,7 @@ import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Protocol, TypeVar
 from uuid import UUID
@@ -15,6 +16,7 @@ from ...schemas.reports.report import RunState
 from ...schemas.reports.run_exit_codes import EXIT_CODES
 from ...schemas.reports.run_record import Interruption, JobRecord, RunRecord, SourceCommit, StepRecord
 from ...schemas.reports.run_states import run_state
+from ...schemas.settings import Settings
 from ...schemas.specs.batch_splitting import step_of
 from ...schemas.specs.specification import CheckedSpec
 from ..notifications.notices import notify_of
@@ -49,9 +51,11 @@ class RunFacts:
 def finish_run(
     facts: RunFacts,
     steps: list[StepRecord],
-    service: Service,
+    settings: Settings,
+    service: Service | None,
     listener: ProgressListener,
     *,
+    ended_at: datetime,
     is_canceled: bool,
     against: AgainstAnswer | None,
     interruptions: Sequence[Interruption],
@@ -63,8 +67,10 @@ def finish_run(
     Args:
         facts: Facts of the run that are known when it begins.
         steps: Results of its steps.
-        service: The service, with its catalog and object store.
+        settings: Settings that say who is notified and called.
+        service: The service, with its catalog and object store; `None`: it cannot be opened, and there is no report.
         listener: Called with problems.
+        ended_at: End of the run, UTC.
         is_canceled: Whether somebody ended it.
         against: Result of the comparison, if the run was compared with an earlier one.
         interruptions: Times at which its processes died.
@@ -75,16 +81,12 @@ def finish_run(
     from ..inspection.reports import installed_versions, publish_report
     from ..inspection.run_records import write_record
 
-    ended_at = service.clock()
-
     ended_early = against is not None and against.stopped_early and not is_canceled
 
     def state_of(jobs: list[JobRecord]) -> RunState:
         return state_of_run(facts.wanted.checked, steps, jobs, is_canceled=is_canceled, ended_early=ended_early)
 
-    # A forecast is of a run that nothing interrupts.
-    comparable = not (is_canceled or interruptions or ended_early)
-    without_report = RunRecord(
+    record = RunRecord(
         run_id=facts.run_id,
         name=facts.wanted.checked.name,
         spec_path=facts.wanted.spec_path,
@@ -97,10 +99,9 @@ def finish_run(
         steps=steps,
         versions=installed_versions(),
         rerun_of=facts.wanted.rerun_of,
-        reuse=service.reuses,
+        reuse=facts.wanted.reuse,
         probe=facts.wanted.is_probe,
         challenge=facts.wanted.challenge,
-        forecast=outlasting(lambda: _forecast(facts, steps, service, ended_at)) if comparable else None,
         interruptions=list(interruptions),
         known=list(facts.wanted.checked.known),
         against=against,
@@ -108,17 +109,21 @@ def finish_run(
         source=facts.source,
         flow_run=UUID(flow_run) if flow_run else None,
     )
-    try:
-        record = outlasting(lambda: publish_report(without_report, service, state_of))
-    except Exception as error:
-        _logger.exception("the report could not be written")
-        listener(Note(f"the report could not be written: {type(error).__name__}: {error}"))
-        record = without_report
+    if service is not None:
+        # A forecast is of a run that nothing interrupts.
+        if not (is_canceled or interruptions or ended_early or record.refusal):
+            forecast = outlasting(partial(_forecast, facts, steps, service, ended_at))
+            record = record.model_copy(update={"forecast": forecast})
+        try:
+            record = outlasting(partial(publish_report, record, service, state_of))
+        except Exception as error:
+            _logger.exception("the report could not be written")
+            listener(Note(f"the report could not be written: {type(error).__name__}: {error}"))
     (facts.folder / "spec.yaml").write_text(facts.wanted.checked.text_for_others)
     write_record(record)
-    notify_of(record, service, listener)
+    notify_of(record, settings, service, listener)
     if is_pinged(facts):
-        ping_end(service.settings.ping_url, record, lambda text: listener(Note(text)))
+        ping_end(settings.ping_url, record, lambda text: listener(Note(text)))
     return record
 
 

@@ -24,17 +24,23 @@ _logger = logging.getLogger(__name__)
 Complain = Callable[[str], None]
 
 
-def ping_start(address: str | None, name: str, run_id: str) -> None:
+def ping_start(address: str | None, name: str, run_id: str) -> threading.Thread | None:
     """Calls the monitoring URL at the start of a nightly run; returns at once.
 
     Args:
         address: Monitoring URL in the settings; `None`: there is none.
         name: Name of the specification.
         run_id: Id of the run.
+
+    Returns:
+        The thread that calls; `None`: there is no address.
     """
-    if address is not None:
-        target = (address, name, "start", run_id, _logger.warning)
-        threading.Thread(target=_ping, args=target, name="ping", daemon=True).start()
+    if address is None:
+        return None
+    target = (address, name, "start", run_id, _logger.warning)
+    thread = threading.Thread(target=_ping, args=target, name="ping", daemon=True)
+    thread.start()
+    return thread
 
 
 def ping_end(address: str | None, record: RunRecord, complain: Complain) -> None:

@@ -24,23 +24,24 @@ from .sending import send, unknown_channels
 _logger = logging.getLogger(__name__)
 
 
-def notify_of(record: RunRecord, service: Service, listener: ProgressListener) -> None:
+def notify_of(record: RunRecord, settings: Settings, service: Service | None, listener: ProgressListener) -> None:
     """Sends a notification about a finished run if the settings ask for it; it never raises an error.
 
     Args:
         record: The run, whose record and report are written.
-        service: The service, whose settings say who is notified, and when.
+        settings: Settings that say who is notified, and when.
+        service: The service, which has the pictures; `None`: it cannot be opened, and the message has none.
         listener: Called for every channel that did not accept the message.
     """
-    if not service.settings.notify:
+    if not settings.notify:
         return
     try:
         before = run_before(record)
         since = since_last_good(record) if is_night(record) else None
-        if is_due(service.settings.notify_when, record, before, since):
-            pictures = _pictures(failed_jobs(record)[:WORST], service)
-            message = message_of(record, before, since, pages_elsewhere(service.settings), platform.node())
-            problems = send(service.settings.notify, message, pictures)
+        if is_due(settings.notify_when, record, before, since):
+            pictures = _pictures(failed_jobs(record)[:WORST], service) if service is not None else {}
+            message = message_of(record, before, since, pages_elsewhere(settings), platform.node())
+            problems = send(settings.notify, message, pictures)
         else:
             problems = []
     except Exception as error:

@@ -75,7 +75,7 @@ def message_of(
     counts, failures = _counts(record), failed_jobs(record)
     nothing = "It made no simulation jobs." if record.report_path else "Its report could not be written."
     lines = [f"{counts}." if counts else nothing, *([f"{in_words(record.against)}."] if record.against else []), ""]
-    lines += [f"Step {step.name} ({step.operation}): {_short(step.error)}" for step in record.steps if step.error]
+    lines += _steps_that_broke(record)
     if since is not None:
         lines += [requirement_in_words(each) for each in since.requirements[:WORST]]
         lines += [trend_in_words(each) for each in since.shrinking[:WORST]]
@@ -100,6 +100,12 @@ def message_of(
     told = (f"{record.name}: {record.state}{again}", counts, missed, _lost_briefly(since))
     title = ", ".join(filter(None, told))
     return Message(title, "\n".join(lines), good)
+
+
+def _steps_that_broke(record: RunRecord) -> list[str]:
+    if record.refusal:
+        return [f"It was refused before its first step: {_short(record.refusal)}"]
+    return [f"Step {step.name} ({step.operation}): {_short(step.error)}" for step in record.steps if step.error]
 
 
 def _lost_briefly(since: Losses | None) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from helpers.processes import process_worker, wait_for
+from helpers.receivers import Webhook
 
 Robomaker = Callable[..., Any]
 
@@ -153,7 +154,13 @@ def records(home: Path) -> list[dict[str, Any]]:
 @pytest.mark.deep
 @pytest.mark.timeout(900)
 def test_a_worker_runs_it_with_the_values_of_the_order(
-    robomaker: Robomaker, client: Any, pool: str, path: Path, prefect_server: str, tmp_path: Path
+    robomaker: Robomaker,
+    client: Any,
+    pool: str,
+    path: Path,
+    prefect_server: str,
+    tmp_path: Path,
+    webhook: Webhook,
 ) -> None:
     from prefect.exceptions import PrefectHTTPStatusError
 
@@ -163,6 +170,9 @@ def test_a_worker_runs_it_with_the_values_of_the_order(
         "PREFECT_API_URL": prefect_server,
         "ROBOMAKER_HOME": str(home),
         "PREFECT_WORKER_QUERY_SECONDS": "1",
+        "ROBOMAKER_NOTIFY": f"json://{webhook.address}/hook",
+        "ROBOMAKER_NOTIFY_WHEN": "failure",  # in another order, a good run may be a recovery
+        "ROBOMAKER_PING_URL": f"http://{webhook.address}/night",
     }
     assert robomaker("deploy", path, "--pool", pool).code == 0
     before = deployed(client, path)
@@ -193,7 +203,7 @@ def test_a_worker_runs_it_with_the_values_of_the_order(
 
     told = log.read_text()
     assert [run.state.type.value for run in runs] == ["COMPLETED", "COMPLETED", "FAILED"], told
-    one, two = records(home)
+    refused, one, two = records(home)
     assert one["parameters"] == {"label": "flat", "worlds": 20, "arm": "b"}
     assert two["parameters"] == {"label": "the flat", "worlds": 21, "side": "a"}
     assert [record["steps"][1]["output"]["name"] for record in (one, two)] == ["flat 20", "the flat 21"]
@@ -203,7 +213,18 @@ def test_a_worker_runs_it_with_the_values_of_the_order(
         *("--param=label=the flat", "--param=worlds=21", "--param=side=a"),
     ]
     assert problem in runs[2].state.message
+    assert (refused["state"], refused["parameters"]) == ("broken", {"label": "flat", "worlds": 4, "side": "a"})
+    assert problem in refused["steps"][0]["error"]
+    assert refused["flow_run"] == str(runs[2].id)
+    assert refused["command"][3] == f"RunPipeline/{made.name}"
+    assert hooked(webhook) == ["/start", "/start", "/start", "", "", "/fail", "/hook"]
     assert not any("Traceback" in line for line in lines), lines
+
+
+def hooked(webhook: Webhook) -> list[str]:
+    """What was told, without the order of the runs: pings of starts, of good and bad ends, and messages."""
+    told = [each.removeprefix("/night") for each in webhook.paths]
+    return sorted(told, key=["/start", "", "/fail", "/hook"].index)
 
 
 def narrower(path: Path) -> str:

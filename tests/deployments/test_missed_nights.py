@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any, cast
 
 import pytest
 from helpers.command_here import Command
-from helpers.night_records import make_night, store_night
+from helpers.night_records import FIRST_NIGHT, make_night, store_night
 from helpers.processes import wait_for
 from helpers.receivers import Webhook
 
-from prefect_robomaker.schemas.reports.run_record import Order, new_run_id
+from prefect_robomaker.schemas.reports.run_record import BEFORE_STEPS, Order, StepRecord, new_run_id
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.nights.missed_nights import missed_nights, note_schedule, schedules_of
 from prefect_robomaker.tasks.nights.open_runs import OpenRun
@@ -101,12 +101,12 @@ def test_no_server_is_started_to_look_for_nights(tmp_path: Path, monkeypatch: py
         looking.look_for_missed_nights(Settings.from_environment({"ROBOMAKER_HOME": str(tmp_path / "home")}))
 
 
-def test_a_night_that_was_killed_before_it_had_kept_anything_is_told(
+def test_a_night_that_ended_before_it_had_kept_anything_is_told(
     deployment: Any, prefect_server: str, tmp_path: Path
 ) -> None:
-    """Nothing finishes it: there is no run of it."""
+    """Nothing finishes it: there is no run of it. It was killed, or its code could not be loaded."""
     from prefect.client.orchestration import get_client
-    from prefect.states import Crashed, Running
+    from prefect.states import Crashed, Failed, Running
 
     from prefect_robomaker.deployments.missed_nights import look_for_missed_nights
 
@@ -116,21 +116,25 @@ def test_a_night_that_was_killed_before_it_had_kept_anything_is_told(
         note_schedule(home, str(deployment), "nightly", datetime.now(UTC))
     with get_client(sync_client=True) as client:
         runs = wait_for_runs(deployment)
-        first = min(runs, key=lambda run: str(run.expected_start_time))
-        due_at = cast("datetime", first.expected_start_time)
-        for state in (Running(), Crashed(message="killed by SIGKILL")):
-            client.set_flow_run_state(first.id, state, force=True)
-        (homes[1] / "runs" / new_run_id("nightly", cast("datetime", client.read_flow_run(first.id).start_time))).mkdir(
-            parents=True
-        )
+        due: list[datetime] = []
+        ends = (Crashed(message="killed by SIGKILL"), Failed(message="no module named x"))
+        for run, end in zip(sorted(runs, key=lambda run: str(run.expected_start_time)), ends, strict=False):
+            for state in (Running(), end):
+                client.set_flow_run_state(run.id, state, force=True)
+            due.append(cast("datetime", run.expected_start_time))
+            began = cast("datetime", client.read_flow_run(run.id).start_time)
+            (homes[1] / "runs" / new_run_id("nightly", began)).mkdir(parents=True)
 
     for home in homes:
         settings = Settings.from_environment({"ROBOMAKER_HOME": str(home)})
-        look_for_missed_nights(settings, due_at + DAY)
+        look_for_missed_nights(settings, due[1] + DAY)
 
     told = {night.due_at: night.reason for night in missed_nights(homes[0], "nightly")}
-    assert told[due_at] == "its run crashed before it began: killed by SIGKILL"
-    assert due_at not in {night.due_at for night in missed_nights(homes[1], "nightly")}
+    assert [told[at] for at in due] == [
+        "its run crashed before it began: killed by SIGKILL",
+        "its run failed before it began: no module named x",
+    ]
+    assert not {*due} & {night.due_at for night in missed_nights(homes[1], "nightly")}
 
 
 def test_missed_nights_are_kept_and_told_once(
@@ -188,11 +192,16 @@ def test_missed_nights_are_kept_and_told_once(
     as_json = json.loads(robomaker_at_server("history", "nightly", "-o", "json").out)
     assert [each["has_begun"] for each in as_json["missed"]].count(False) == len(missed_nights(home, "nightly"))
 
+    refused = StepRecord(name=BEFORE_STEPS, operation="RunPipeline", status="Failed", error="no world 'gone'\nnor flat")
+    night = make_night("", (now - FIRST_NIGHT).days, name="nightly", runs=home / "runs")
+    store_night(night.model_copy(update={"steps": [refused], "state": "broken"}))
     doctor = json.loads(robomaker_at_server("doctor", "-o", "json").out)
     [finding] = [each for each in doctor["findings"] if each["subject"] == "nights"]
     assert finding["health"] == "warning"
     assert "no Prefect worker of the pool" in finding["found"]
     assert "its schedule is paused" in finding["found"]
+    assert f"nightly: refused on {night.started_at.day} {night.started_at:%B} (" in finding["found"]
+    assert "UTC): no world 'gone'" in finding["found"]
 
     with get_client(sync_client=True) as client:
         client.delete_deployment(deployment)
