@@ -7,9 +7,10 @@ from typing import Any, Literal
 from pydantic import Field
 
 from ..wire.base import Model, optional
+from ..wire.common import counted
 from .changes import CellName, ChangedInput, FailureStart, SinceLastRun
 from .report import Share
-from .run_record import CaseOutcome, RunState, SourceCommit
+from .run_record import CUT_SHORT, CaseOutcome, RunState, SourceCommit
 
 
 class MissedNight(Model):
@@ -62,6 +63,14 @@ class Night(Model):
     source: SourceCommit | None = optional("Commit of its specification; absent: none known.")
     changed: list[ChangedInput] = Field(default=[], description="Inputs that differ from the run before.")
     report_path: Path | None = optional("Its HTML report.")
+
+    @property
+    def cut_short(self) -> str:
+        """End of a run that did not end by itself: `canceled, 9 of 60 jobs judged`; empty: it ended by itself."""
+        if self.state not in CUT_SHORT:
+            return ""
+        noun = "job" if self.trials == self.jobs else "trial"
+        return f"{self.state}, {self.success.passed + self.success.failed} of {counted(self.trials, noun)} judged"
 
 
 class CellHistory(Model):

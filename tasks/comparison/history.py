@@ -96,6 +96,7 @@ def _since_last(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]])
         previous_started_at=previous.started_at if previous else None,
         paired=len(paired),
         unpaired=len(told) - len(paired),
+        without_result=sum(outcome_of(job) in (Outcome.CANCELED, Outcome.UNFINISHED) for job in runs[last].jobs),
         other_requirements=otherwise,
         requirements=requirements.changes,
         shrinking=margin_trends(runs),

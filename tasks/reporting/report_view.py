@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from ...schemas.reports.report import AxisResult, Report, ReportedFile, ReportedJob, ReportSummary, Share
+from ...schemas.reports.run_record import CUT_SHORT
 from ...schemas.runs.plan import Requirement, RunResult
 from ...schemas.runs.programs import WAITS_FOR
 from ...schemas.runs.trial_rows import TRIALS_FOLDER, TrialsSummary
@@ -209,6 +210,12 @@ class Page:
     def title_of_others(self) -> str:
         """Title of the section of jobs that are in no section of failures."""
         return "Other jobs" if self.failures or self.errors or self.known else "Jobs"
+
+    @property
+    def judged_of_all(self) -> str:
+        """Share of the trials that were judged, of a run that did not end by itself: `9 of 60 judged`; else empty."""
+        rate = self.numbers.success
+        return f"{rate.passed + rate.failed} of {self.numbers.trials} judged" if self.report.state in CUT_SHORT else ""
 
     @property
     def counting(self) -> str:
