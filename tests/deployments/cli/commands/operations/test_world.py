@@ -209,7 +209,11 @@ def test_a_jobs_sheet_and_its_worlds(
     sheet = json.loads(robomaker("world", "sheet", job["arn"], "--to", tmp_path / "sheet", "-o", "json").out)
     assert [(world["arn"], world["verdict"]) for world in sheet["worlds"]] == [(second, "gone"), (first, "holds")]
     assert Path(sheet["png"]).read_bytes().startswith(b"\x89PNG")
-    assert first in Path(sheet["html"]).read_text()
+    page = Path(sheet["html"]).read_text()
+    assert first in page
+    assert "<h1>Worlds of two rooms</h1>" in page
+    assert "<h2>two rooms 1, plan 1 of 1</h2>" in page
+    assert [world["title"] for world in sheet["worlds"]] == ["two rooms 2", "two rooms 1"]
     wrong = robomaker("world", "sheet", first)
     assert wrong.code == 2
     assert "has to name a world-generation-job" in wrong.err
