@@ -1,6 +1,6 @@
 """Formats comparisons and histories of runs as text."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ....schemas.reports.changes import CellChange, RequirementChange, SinceLastRun
@@ -161,6 +161,22 @@ def _counts(since: SinceLastRun) -> list[str]:
         judged_otherwise_in_words(since.other_requirements) if since.other_requirements else "",
     )
     return [line for each in told if each for line in (f"  {each}", "")]
+
+
+def newest_lines(newest: Mapping[str, Night]) -> list[str]:
+    """Formats the newest run of each specification as a text line.
+
+    Args:
+        newest: Runs by the name of their specification.
+    """
+    width = max(map(len, newest), default=0)
+    return [f"{name:<{width}}  {outcomes.minute(night.started_at)}  {_ended(night)}" for name, night in newest.items()]
+
+
+def _ended(night: Night) -> str:
+    """Returns the state of a run and its counts: `failed, 2 of 3 jobs passed`."""
+    noun = "job" if night.trials == night.jobs else "trial"
+    return night.cut_short or f"{night.state}, {night.success.passed} of {counted(night.trials, noun)} passed"
 
 
 def requirement_lines(changes: Sequence[RequirementChange]) -> list[str]:

@@ -47,7 +47,9 @@ def test_two_runs_are_compared_as_a_plot(browser: Any, runs: Path) -> None:
     page = html.unescape(browser.get(f"/console/compare?before={before}&after={after}").text)
 
     assert "worse" in page
-    assert "100 percent passed before, 20 percent after" in page
+    assert "100 percent of A passed, 20 percent of B" in page
+    assert "Passed: <strong>100.0\xa0%</strong> of A → <strong>20.0\xa0%</strong> of B" in page
+    assert "Before<" not in page
     assert re.search(r"Newly failing .*?>8<", page)
     assert ">duration, s<" in page
     assert ">margin of gentle, N<" in page
