@@ -49,6 +49,7 @@ class Night(Model):
     started_at: datetime = Field(description="Start, UTC.")
     state: RunState = Field(description="State of the finished run.")
     jobs: int = Field(description="Number of jobs in the run.")
+    jobs_judged: int = Field(default=0, description="How many of them passed or failed.")
     trials: int = Field(description="How many trials they had; a job without trials is one.")
     success: Share = Field(
         description="Its trials; those that broke are not judged. A run that stopped early has no interval, since its "
@@ -69,8 +70,7 @@ class Night(Model):
         """End of a run that did not end by itself: `canceled, 9 of 60 jobs judged`; empty: it ended by itself."""
         if self.state not in CUT_SHORT:
             return ""
-        noun = "job" if self.trials == self.jobs else "trial"
-        return f"{self.state}, {self.success.passed + self.success.failed} of {counted(self.trials, noun)} judged"
+        return f"{self.state}, {self.jobs_judged} of {counted(self.jobs, 'job')} judged"
 
 
 class CellHistory(Model):

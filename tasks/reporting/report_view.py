@@ -13,6 +13,7 @@ from ...schemas.reports.run_record import CUT_SHORT
 from ...schemas.runs.plan import Requirement, RunResult
 from ...schemas.runs.programs import WAITS_FOR
 from ...schemas.runs.trial_rows import TRIALS_FOLDER, TrialsSummary
+from ...schemas.wire.common import counted
 from ..results.table import ResultTable
 from . import outcomes
 from .answer import answer_of
@@ -213,9 +214,11 @@ class Page:
 
     @property
     def judged_of_all(self) -> str:
-        """Share of the trials that were judged, of a run that did not end by itself: `9 of 60 judged`; else empty."""
-        rate = self.numbers.success
-        return f"{rate.passed + rate.failed} of {self.numbers.trials} judged" if self.report.state in CUT_SHORT else ""
+        """Share of judged jobs of a run that did not end by itself: `9 of 60 jobs judged`; else empty."""
+        if self.report.state not in CUT_SHORT:
+            return ""
+        judged = sum(job.outcome in (Outcome.PASSED, Outcome.FAILED) for job in self.jobs)
+        return f"{judged} of {counted(len(self.jobs), 'job')} judged"
 
     @property
     def counting(self) -> str:

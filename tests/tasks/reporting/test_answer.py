@@ -48,7 +48,7 @@ def test_a_report_begins_with_the_answer(mixed_report: Report) -> None:
 
 def test_the_rate_of_a_canceled_run_says_how_many_were_judged(mixed_report: Report) -> None:
     html = render_report(mixed_report.model_copy(update={"state": "canceled"}))
-    assert re.search(r'class="rate cut-short">\s*<p class="rate-number">.*<strong>3 of 5 judged</strong>', html)
+    assert re.search(r'class="rate cut-short">\s*<p class="rate-number">.*<strong>3 of 5 jobs judged</strong>', html)
     assert "cut-short" not in render_report(mixed_report).partition("</style>")[2]
 
 
