@@ -8,6 +8,7 @@ import json
 import sys
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -115,17 +116,19 @@ _TROUBLES = (("broken", "with broken guarantees"), ("not checked", "never checke
 
 def _sheet_world(resource: "Resource", name: str, service: "Service") -> "SheetWorld":
     from ......schemas.worlds.world import WORLD_FILE, World
+    from ......tasks.worldforge.pictures.preview import render_preview
     from ......tasks.worldforge.viewer.contact_sheet import SheetWorld, sheet_world
-    from ......tasks.worlds.previews import preview_of
 
     bundle = WorldDocument.of(resource).bundle
     try:
         if bundle is None:
             raise StorageError(f"{resource.arn} has no stored bundle")
         world = World.model_validate_json(service.store.get_bytes(bundle.bucket, f"{bundle.prefix}/{WORLD_FILE}"))
-        preview = preview_of(resource, service)
     except (StorageError, ValueError) as error:
         return SheetWorld(name=name, arn=resource.arn, verdict="gone", problems=(str(error).splitlines()[0],))
+    preview = b""
+    with suppress(ValueError):  # of a form that cannot be drawn
+        preview = render_preview(world, named=False)  # the stored picture's labels would be 5 pixels high
     return sheet_world(name, resource.arn, world, preview)
 
 
