@@ -93,6 +93,7 @@ def since_briefly(since: SinceLastRun) -> str:
             bool(change.known) for change in (*since.newly_failing, *since.still_failing, *since.first_failing)
         ),
         "checked less than before": len(lost),
+        "without a result": since.without_result,
     }
     told = [f"{count} {'job' if count == 1 else 'jobs'} {words}" for words, count in counts.items() if count]
     missed = sum(change.newly_missed > 0 for change in since.requirements)

@@ -12,7 +12,7 @@ from starlette.responses import HTMLResponse, Response
 
 from ...schemas.reports.changes import SinceLastRun
 from ...schemas.reports.live_comparison import in_words
-from ...schemas.reports.names import newest_first
+from ...schemas.reports.names import is_id, newest_first
 from ...schemas.reports.run_record import RunRecord
 from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException
 from ...tasks.causes.stored import read_why
@@ -61,6 +61,7 @@ def show(visit: Visit) -> Response:
     record = find_record(visit)
     jobs = sorted(record.jobs, key=lambda job: classify(job.status, job.failure_code, job.verdict).rank)
     others, since = _others(record, visit), since_before(record, visit)
+    links = {job.label: f"{HOME}/jobs/{quote(job.arn.rpartition('/')[2])}" for job in record.jobs if job.arn}
     return visit.page(
         "run.html.j2",
         run=record,
@@ -71,7 +72,8 @@ def show(visit: Visit) -> Response:
         batches=batches,
         since=since,
         why=view_why(read_why(_path(visit).parent)),
-        job_links={job.label: f"{HOME}/jobs/{quote(job.arn.rpartition('/')[2])}" for job in record.jobs if job.arn},
+        job_links=links,
+        links_of_changes=links | _links_of_gone(since),
         job_names={job.label: job.title for job in record.jobs},
         has_report=_path(visit).with_name("report.html").is_file(),
         others=others,
@@ -79,6 +81,12 @@ def show(visit: Visit) -> Response:
         axes=axes_of(record.jobs),
         most_values=_MOST_VALUES,
     )
+
+
+def _links_of_gone(since: SinceLastRun | None) -> dict[str, str]:
+    """Returns links to jobs of earlier runs that this run lacks, by id; a request that never became a job has none."""
+    gone = since.gone if since is not None else ()
+    return {loss.job: f"{HOME}/jobs/{quote(loss.job)}" for loss in gone if is_id(loss.job)}
 
 
 def _others(record: RunRecord, visit: Visit) -> list[str]:

@@ -18,6 +18,7 @@ _OTHER_COLOUR = "#57606a"
 
 _CARD = "font-family:system-ui,sans-serif;font-size:14px;line-height:1.5;max-width:60rem;overflow-wrap:anywhere"
 _BADGE = "display:inline-block;padding:0 .5em;border-radius:.3em;color:#fff;font-weight:600;white-space:nowrap"
+_BESIDE = "font-size:.85em;opacity:.75"
 # Notebooks align the cells of tables to the right, and take every second row for another.
 _CELL = "text-align:left;vertical-align:top;padding:.2em .8em .2em 0;border:0;max-width:24em"
 _HEAD = f"{_CELL};font-weight:600;white-space:nowrap"
@@ -30,16 +31,18 @@ def badge(outcome: str) -> Markup:
     return Markup('<span style="{};background:{}">{}</span>').format(_BADGE, colour, outcome)
 
 
-def card(title: str, outcome: str, *parts: Markup) -> Markup:
+def card(title: str, outcome: str, *parts: Markup, own_id: str = "") -> Markup:
     """Makes the HTML card of a run, a job or a world.
 
     Args:
         title: Name of the run, job or world.
         outcome: Outcome of the run or job; empty: there is none.
         parts: Content of the card below the title.
+        own_id: Id that stands small beside the title; empty: none.
     """
+    beside = Markup(' <span style="{}">{}</span>').format(_BESIDE, own_id) if own_id and own_id != title else Markup("")
     shown = Markup(" {}").format(badge(outcome)) if outcome else Markup("")
-    head = Markup('<div><strong style="font-size:1.1em">{}</strong>{}</div>').format(title, shown)
+    head = Markup('<div><strong style="font-size:1.1em">{}</strong>{}{}</div>').format(title, beside, shown)
     return Markup('<div style="{}">{}{}</div>').format(_CARD, head, Markup("").join(parts))
 
 

@@ -166,15 +166,16 @@ class Job:
             names = ", ".join(sorted(self.outputs))
         except RobomakerError as error:
             names = f"not known: {error}"
-        facts = [("job", self.id), ("world", self.world.name if self.world else ""), ("outputs", names)]
+        facts = [("world", self.world.name if self.world else ""), ("outputs", names)]
         return str(
             card(
-                self.name,
+                self.title,
                 self.outcome,
                 line(self.reason),
                 table((), [fact for fact in facts if fact[1]]),
                 table(("requirement", "outcome", "detail", ""), requirements),
                 self.world.drawing() if self.world else Markup(""),
+                own_id=self.id,
             )
         )
 

@@ -27,6 +27,8 @@ class ResultRow:
     """Name of a simulation job, the same in every run of the specification."""
     job: str
     """Id of the job, or `request 3` if the request has no job."""
+    job_name: str
+    """Name of the job for people, unique in the run: `scout in flat 3`."""
     outcome: CaseOutcome
     """Outcome of a trial or job; only `passed` means that it was judged and met all its requirements."""
     verdict: Verdict
@@ -70,6 +72,7 @@ def _row_of(found: Mapping[str, Any]) -> ResultRow:
         step=found["step"] or "",
         test=found["test"] or "",
         job=found["job"] or "",
+        job_name=found.get("job_name") or found["test"] or "",  # tables of early releases have no names for people
         outcome=found["outcome"],
         verdict=found["verdict"] or "NONE",
         reason=found["reason"] or "",

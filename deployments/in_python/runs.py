@@ -1,6 +1,6 @@
 """Run of a specification, ended or not, with its jobs, worlds and table of results."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import cached_property
@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 from ...schemas.reports.causes import Why
-from ...schemas.reports.names import short_name
+from ...schemas.reports.names import short_name, unique_world_names
 from ...schemas.reports.run_record import CaseOutcome, JobRecord, RunRecord
 from ...schemas.reports.run_states import counts_in_words, meaning_of
 from ...schemas.specs.parameter_values import values_in_words
 from ...tasks.causes.stored import read_why
 from ...tasks.nights.run_standings import RunOutcome, StandingRun, table_of
+from ...tasks.service.references import names_of_worlds
 from ...tasks.service.service import Service
 from .html import badge, card, line, table
 from .jobs import Job
@@ -143,8 +144,13 @@ class Run:
             if step.operation == "CreateWorldGenerationJob"
             for arn in step.output.get("finishedWorldsSummary", {}).get("succeededWorlds", [])
         ]
-        driven = [job.world.arn for job in self.jobs if job.world]
-        return [World(arn, short_name(arn), self._service) for arn in dict.fromkeys([*made, *driven])]
+        driven = {job.world.arn: job.world for job in self.jobs if job.world}
+        names = unique_world_names(self._names_of_worlds(made) | {arn: world.name for arn, world in driven.items()})
+        return [World(arn, names[arn], self._service) for arn in dict.fromkeys([*made, *driven])]
+
+    def _names_of_worlds(self, arns: Sequence[str]) -> dict[str, str]:
+        """Returns the names of worlds for people by ARN; those that are deleted have their ids."""
+        return {arn: short_name(arn) for arn in arns} | names_of_worlds(arns, self._service)
 
     @cached_property
     def rows(self) -> list[ResultRow]:
@@ -179,7 +185,7 @@ class Run:
         if job.world is None:
             return None
         arn = job.world if job.world.startswith("arn:") else self._service.arn("world", job.world)
-        return World(arn, short_name(arn), self._service)
+        return World(arn, job.world_name or short_name(arn), self._service)
 
     def __bool__(self) -> bool:
         """Raises an error if a run is used as a truth value, as a failed run would be true.

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from markupsafe import Markup
 
+from ...schemas.reports.names import short_name
 from ...schemas.wire.errors import RobomakerError
 from ...tasks.catalog import Resource
 from ...tasks.service.service import Service
@@ -20,8 +21,13 @@ class World:
 
     arn: str
     name: str
-    """Short name of a world for people: `generation-…/world-3`."""
+    """Name of a world for people: `flat 3`; its id where it has none."""
     _service: Service = field(repr=False, compare=False)
+
+    @property
+    def id(self) -> str:
+        """Id of the world: `generation-…/world-3`."""
+        return short_name(self.arn)
 
     @cached_property
     def _resource(self) -> Resource:
@@ -59,4 +65,4 @@ class World:
             picture = image(self.picture, "image/png", f"{self.name} from above")
         except RobomakerError:
             picture = Markup("")  # the plan says why
-        return str(card(self.name, "", Markup("<div>{}{}</div>").format(self.drawing(), picture)))
+        return str(card(self.name, "", Markup("<div>{}{}</div>").format(self.drawing(), picture), own_id=self.id))

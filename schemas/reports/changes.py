@@ -156,6 +156,9 @@ class SinceLastRun(Losses):
     previous_started_at: datetime | None = optional("Start of that run, UTC.")
     paired: int = Field(default=0, description="Jobs that an earlier run has a result of.")
     unpaired: int = Field(default=0, description="Jobs that no earlier run has a result of.")
+    without_result: int = Field(
+        default=0, description="Jobs of this run that ended with neither verdict nor error, such as canceled ones."
+    )
     other_requirements: int = Field(
         default=0,
         description="Jobs that were judged by other requirements than when they ran last; those in `asked_less` are "

@@ -7,9 +7,10 @@ from typing import Any, Literal
 from pydantic import Field
 
 from ..wire.base import Model, optional
+from ..wire.common import counted
 from .changes import CellName, ChangedInput, FailureStart, SinceLastRun
 from .report import Share
-from .run_record import CaseOutcome, RunState, SourceCommit
+from .run_record import CUT_SHORT, CaseOutcome, RunState, SourceCommit
 
 
 class MissedNight(Model):
@@ -48,6 +49,7 @@ class Night(Model):
     started_at: datetime = Field(description="Start, UTC.")
     state: RunState = Field(description="State of the finished run.")
     jobs: int = Field(description="Number of jobs in the run.")
+    jobs_judged: int = Field(default=0, description="How many of them passed or failed.")
     trials: int = Field(description="How many trials they had; a job without trials is one.")
     success: Share = Field(
         description="Its trials; those that broke are not judged. A run that stopped early has no interval, since its "
@@ -62,6 +64,13 @@ class Night(Model):
     source: SourceCommit | None = optional("Commit of its specification; absent: none known.")
     changed: list[ChangedInput] = Field(default=[], description="Inputs that differ from the run before.")
     report_path: Path | None = optional("Its HTML report.")
+
+    @property
+    def cut_short(self) -> str:
+        """End of a run that did not end by itself: `canceled, 9 of 60 jobs judged`; empty: it ended by itself."""
+        if self.state not in CUT_SHORT:
+            return ""
+        return f"{self.state}, {self.jobs_judged} of {counted(self.jobs, 'job')} judged"
 
 
 class CellHistory(Model):

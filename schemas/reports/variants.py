@@ -18,6 +18,9 @@ MAX_SHOWN = 3
 _MAX_CHARACTERS = 24
 # Worlds have a column of their own; tokens and dates differ always and say nothing.
 _LEFT_OUT = frozenset({"clientRequestToken", "worldConfigs"})
+_REQUIREMENTS = "requirements"
+_POLICY = ("policy",)
+"""Setting that is named before all others: what drives the robot."""
 _APPLICATIONS = {"robotApplications": "robot", "simulationApplications": "simulation"}
 
 
@@ -32,13 +35,24 @@ def variants(requests: Sequence[Mapping[str, Any]]) -> list[str]:
     Returns:
         One text for each request; empty where it has nothing of its own.
     """
-    all_settings = [_of_cell(request) or _of_request(request) for request in requests]
+    all_settings = _least_of_requirements([_of_cell(request) or _of_request(request) for request in requests])
     names = dict.fromkeys(name for settings in all_settings for name in settings)
     differing = [name for name in names if len({settings.get(name) for settings in all_settings}) > 1]
     counts = Counter((name, settings[name]) for settings in all_settings for name in differing if name in settings)
     return [
         _named({name: settings[name] for name in differing if name in settings}, counts) for settings in all_settings
     ]
+
+
+def _least_of_requirements(all_settings: Sequence[Mapping[_Path, str]]) -> list[Mapping[_Path, str]]:
+    """Leaves out requirements where other settings tell jobs apart, or their members where their names do."""
+    ways = [
+        [{path: each[path] for path in each if path[0] != _REQUIREMENTS} for each in all_settings],
+        [{path: each[path] for path in each if path[:1] == path or path[0] != _REQUIREMENTS} for each in all_settings],
+    ]
+    different = len({frozenset(each.items()) for each in all_settings})
+    told_apart = (way for way in ways if len({frozenset(each.items()) for each in way}) == different)
+    return list(next(told_apart, all_settings))
 
 
 def _of_cell(request: Mapping[str, Any]) -> dict[_Path, str]:
@@ -52,14 +66,27 @@ def _of_request(request: Mapping[str, Any]) -> dict[_Path, str]:
     """Returns the settings of a request; its trials are their number, as their axes vary in the job and not between."""
     plain = {name: value for name, value in hide_secrets(request).items() if name != "trials"}
     settings = {path: value for path, value in _settings(plain) if path[-1] != TRIALS_VARIABLE}
+    if names := _names_of_requirements(plain.get(_REQUIREMENTS)):
+        settings[(_REQUIREMENTS,)] = _short(names)
     trials = planned_trials(request)
     return {**settings, ("trials",): str(trials)} if trials else settings
 
 
+def _names_of_requirements(asked: object) -> str:
+    """Returns the names of a request's requirements: `soft, gentle`; empty: it has none."""
+    items = cast("list[object]", asked) if isinstance(asked, list) else []
+    each = (cast("Mapping[str, object]", item) for item in items if isinstance(item, Mapping))
+    return ", ".join(str(item.get("name") or item.get("kind") or "") for item in each)
+
+
 def _named(settings: Mapping[_Path, str], counts: Mapping[tuple[_Path, str], int]) -> str:
     """Selects the settings of a request that few other requests have, and formats them in the request's order."""
-    rarest = sorted(settings, key=lambda name: counts[name, settings[name]])[:MAX_SHOWN]
-    return ", ".join(f"{_label(name)}={value}" for name, value in settings.items() if name in rarest)
+    rarest = sorted(settings, key=lambda name: (name != _POLICY, counts[name, settings[name]]))[:MAX_SHOWN]
+    return ", ".join(_told(name, value) for name, value in settings.items() if name in rarest)
+
+
+def _told(name: _Path, value: str) -> str:
+    return f"{_REQUIREMENTS}: {value}" if name == (_REQUIREMENTS,) else f"{_label(name)}={value}"
 
 
 def _settings(value: object, path: _Path = ()) -> Iterator[tuple[_Path, str]]:

@@ -9,7 +9,7 @@ from ...schemas.reports.live_comparison import in_words
 from ...schemas.reports.run_record import CaseOutcome
 from ..reporting import Outcome
 from ..results import rates
-from .compared_runs import TOLD, NightRun, name_of, outcome_of, reason_of
+from .compared_runs import JUDGED, TOLD, NightRun, name_of, outcome_of, reason_of
 from .failure_starts import (
     Appearance,
     appearances_of,
@@ -96,6 +96,7 @@ def _since_last(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]])
         previous_started_at=previous.started_at if previous else None,
         paired=len(paired),
         unpaired=len(told) - len(paired),
+        without_result=sum(outcome_of(job) in (Outcome.CANCELED, Outcome.UNFINISHED) for job in runs[last].jobs),
         other_requirements=otherwise,
         requirements=requirements.changes,
         shrinking=margin_trends(runs),
@@ -142,6 +143,7 @@ def _night(run: NightRun, before: NightRun | None) -> Night:
         started_at=run.started_at,
         state=run.state,
         jobs=len(run.jobs),
+        jobs_judged=sum(outcome_of(job) in JUDGED for job in run.jobs),
         trials=len(run.results),
         success=success.model_copy(update={"low": None, "high": None}) if run.stopped_early else success,
         against=in_words(run.against) if run.against else "",

@@ -32,7 +32,7 @@ def news_in_words(since: SinceLastRun) -> str:
     if since.previous_run_id is None:
         return "there is no earlier run to compare it with"
     if not since.paired and not since.has_losses:
-        return "none of its jobs was in an earlier run"
+        return "none of its jobs was in an earlier run" if since.unpaired else "none of its jobs has a result"
     lost = [*since.gone, *since.no_longer_judged, *since.asked_less, *since.fewer_trials]
     missed = sum(bool(each.newly_missed) for each in since.requirements)
     counts = (
@@ -40,6 +40,7 @@ def news_in_words(since: SinceLastRun) -> str:
         (len(since.newly_passing), "newly passes", "newly pass"),
         (len(since.first_failing), "fails without an earlier result", "fail without an earlier result"),
         (len({each.job for each in lost}), "is gone or checked less", "are gone or checked less"),
+        (since.without_result, "has no result", "have no result"),
     )
     told = [
         f"{_jobs(count, is_first=not place)} {one if count == 1 else several}"

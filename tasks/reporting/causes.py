@@ -30,11 +30,15 @@ def view_why(why: Why | None) -> WhyView | None:
     """Computes the view of a run's causes of failures, with plots and the surest lifts; `None` if none are told."""
     if not is_told(why):
         return None
+    # The best region of two axes may be that of one of them: told apart by nothing, the surer one is listed.
+    surest: dict[tuple[str, str], TestedLift] = {}
+    for each in sorted(why.lifts, key=lambda each: (each.p_value, -each.lift)):
+        surest.setdefault((each.group, each.region), each)
     return WhyView(
         found=why,
         cells=[(plot, draw_cells(plot)) for plot in why.cell_plots],
         margins=[(plot, draw_margins(plot)) for plot in why.margin_plots],
-        lifts=sorted(why.lifts, key=lambda each: (each.p_value, -each.lift))[:_MOST_LIFTS],
+        lifts=list(surest.values())[:_MOST_LIFTS],
     )
 
 

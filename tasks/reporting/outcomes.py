@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
 from enum import Enum
+from types import MappingProxyType
 from typing import Any
 
 from ...schemas.operations.registry import VIDEO_TAG
@@ -174,8 +175,22 @@ def compact(value: float) -> str:
     return f"{value:.4g}"
 
 
+_NAMES: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {"sim_time_s": ("simulated time", "s"), "trials_errors": ("trials that broke", "")}
+)
+"""Names and units of metrics whose own names would not be understood."""
+
+
 def name_and_unit(metric: str) -> tuple[str, str]:
-    """Splits a metric's name from its unit: `path_length_m` gives `path length` and `m`."""
+    """Splits a metric's name from its unit: `path_length_m` gives `path length` and `m`.
+
+    A mean is named once, also that of means over trials: `mean_mean_speed_mps` gives `speed, mean` and `m/s`.
+    """
+    if metric in _NAMES:
+        return _NAMES[metric]
+    if metric.startswith("mean_"):
+        name, unit = name_and_unit(metric.removeprefix("mean_"))
+        return f"{name.removesuffix(', mean')}, mean", unit
     for suffix in sorted(_UNITS, key=len, reverse=True):
         stem = metric.removesuffix(f"_{suffix}")
         if stem and stem != metric:

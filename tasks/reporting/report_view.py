@@ -9,9 +9,11 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from ...schemas.reports.report import AxisResult, Report, ReportedFile, ReportedJob, ReportSummary, Share
+from ...schemas.reports.run_record import CUT_SHORT
 from ...schemas.runs.plan import Requirement, RunResult
 from ...schemas.runs.programs import WAITS_FOR
 from ...schemas.runs.trial_rows import TRIALS_FOLDER, TrialsSummary
+from ...schemas.wire.common import counted
 from ..results.table import ResultTable
 from . import outcomes
 from .answer import answer_of
@@ -209,6 +211,14 @@ class Page:
     def title_of_others(self) -> str:
         """Title of the section of jobs that are in no section of failures."""
         return "Other jobs" if self.failures or self.errors or self.known else "Jobs"
+
+    @property
+    def judged_of_all(self) -> str:
+        """Share of judged jobs of a run that did not end by itself: `9 of 60 jobs judged`; else empty."""
+        if self.report.state not in CUT_SHORT:
+            return ""
+        judged = sum(job.outcome in (Outcome.PASSED, Outcome.FAILED) for job in self.jobs)
+        return f"{judged} of {counted(len(self.jobs), 'job')} judged"
 
     @property
     def counting(self) -> str:

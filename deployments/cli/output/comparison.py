@@ -1,6 +1,6 @@
 """Formats comparisons and histories of runs as text."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ....schemas.reports.changes import CellChange, RequirementChange, SinceLastRun
@@ -131,10 +131,7 @@ def history_lines(history: History, page: Path) -> list[str]:
         lines.append("  This is the first run that has results: there is nothing to compare it with.")
     elif not since.paired and since.unpaired:
         lines.append("  No job of the last run has the step, world and seed of a job of an earlier run.")
-    if new := without_earlier_in_words(since):
-        lines += [f"  {new}", ""]
-    if since.other_requirements:
-        lines += [f"  {judged_otherwise_in_words(since.other_requirements)}", ""]
+    lines += _counts(since)
     if lost := losses_in_words(since, _MOST_JOBS):
         lines += [*(f"  {line}" for line in lost), ""]
     if changed := _changed_requirements(since):
@@ -153,6 +150,33 @@ def history_lines(history: History, page: Path) -> list[str]:
         lines += [f"    {cell.cell.title}" for cell in unsteady[:_MOST_JOBS]]
     lines += ["", *_nights(history.nights, history.missed), "", f"  page     {page}"]
     return lines
+
+
+def _counts(since: SinceLastRun) -> list[str]:
+    """Says how many jobs of a run have no result, no earlier one, or other requirements; each with a blank line."""
+    have = "has" if since.without_result == 1 else "have"
+    told = (
+        f"{counted(since.without_result, 'job')} of the last run {have} no result" if since.without_result else "",
+        without_earlier_in_words(since),
+        judged_otherwise_in_words(since.other_requirements) if since.other_requirements else "",
+    )
+    return [line for each in told if each for line in (f"  {each}", "")]
+
+
+def newest_lines(newest: Mapping[str, Night]) -> list[str]:
+    """Formats the newest run of each specification as a text line.
+
+    Args:
+        newest: Runs by the name of their specification.
+    """
+    width = max(map(len, newest), default=0)
+    return [f"{name:<{width}}  {outcomes.minute(night.started_at)}  {_ended(night)}" for name, night in newest.items()]
+
+
+def _ended(night: Night) -> str:
+    """Returns the state of a run and its counts: `failed, 2 of 3 jobs passed`."""
+    noun = "job" if night.trials == night.jobs else "trial"
+    return night.cut_short or f"{night.state}, {night.success.passed} of {counted(night.trials, noun)} passed"
 
 
 def requirement_lines(changes: Sequence[RequirementChange]) -> list[str]:
@@ -323,7 +347,12 @@ def _nights(nights: Sequence[Night], missed: Sequence[MissedNight]) -> list[str]
         share = night.success
         rate = "–" if share.rate is None else f"{share.rate:.0%}"
         interval = "" if share.low is None or share.high is None else f"{share.low:.0%}–{share.high:.0%}"
-        told = [interrupted_briefly(night.interruptions), night.against, *map(change_in_words, night.changed)]
+        told = [
+            night.cut_short,
+            interrupted_briefly(night.interruptions),
+            night.against,
+            *map(change_in_words, night.changed),
+        ]
         changed = ", ".join(filter(None, told))
         counts = f"{share.passed:>6} {share.failed:>6} {share.errors:>6}"
         lines.append(

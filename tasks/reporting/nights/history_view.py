@@ -28,8 +28,8 @@ class NightView:
     outcome: Outcome
     changed: str
     remark: str
-    """Number of the run's processes that died, and its comparison with an earlier run; empty if there is nothing to
-    say.
+    """Share that was judged of a run cut short, number of the run's processes that died, and its comparison with an
+    earlier run; empty if there is nothing to say.
     """
 
 
@@ -109,6 +109,8 @@ def _headline(history: History) -> str:
     runs = f"{count} {'run' if count == 1 else 'runs'}"
     if share.rate is None:
         return f"{runs}; nothing was judged in the last one"
+    if cut_short := history.nights[-1].cut_short:
+        return f"{runs}; the last one was {cut_short}, {share.passed} passed"
     broke = f", {share.errors} broke" if share.errors else ""
     return f"{runs}; {_passed(history.nights[-1])} in the last one{broke}"
 
@@ -126,7 +128,8 @@ def _view_night(night: Night, folder: Path) -> NightView:
     states = {"succeeded": Outcome.PASSED, "failed": Outcome.FAILED, "broken": Outcome.BROKEN}
     outcome = states.get(night.state, Outcome.CANCELED if night.state == "canceled" else Outcome.UNFINISHED)
     changed = ", ".join(map(change_in_words, night.changed))
-    remark = "; ".join(filter(None, [interrupted_briefly(night.interruptions), night.against]))
+    judged = night.cut_short.partition(", ")[2]
+    remark = "; ".join(filter(None, [judged, interrupted_briefly(night.interruptions), night.against]))
     return NightView(night, link, outcome, changed, remark)
 
 

@@ -52,8 +52,13 @@ _OVER_M = 0.004
 Colors = NDArray[np.uint8]
 
 
-def render_preview(world: World) -> bytes:
+def render_preview(world: World, *, named: bool = True) -> bytes:
     """Renders a preview picture of a world from above at an angle.
+
+    Args:
+        world: The world.
+        named: Whether rooms have labels with name and area; they cannot be read in a picture shown at a third of its
+            size.
 
     Returns:
         A PNG of 960 x 720 pixels.
@@ -79,7 +84,8 @@ def render_preview(world: World) -> bytes:
     _lay_patterns(raster, palette, colors)
     _draw_outlines(raster, colors)
     lit = _lit(colors, raster, palette, LightMap.of(blocks, bounds(world.floorplan.footprint)))
-    picture = PilImage.fromarray(with_labels(lit, raster.ids[::_SUPERSAMPLING, ::_SUPERSAMPLING], floors))
+    shown = with_labels(lit, raster.ids[::_SUPERSAMPLING, ::_SUPERSAMPLING], floors) if named else lit
+    picture = PilImage.fromarray(shown)
     buffer = io.BytesIO()
     picture.save(buffer, format="PNG", compress_level=2)
     return buffer.getvalue()

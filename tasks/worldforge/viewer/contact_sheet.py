@@ -243,8 +243,7 @@ def _rooms(world: SheetWorld) -> str:
 def _measures(world: SheetWorld) -> str:
     if not world.rooms:
         return ""
-    # Pillow's own font has no raised 2.
-    return f"{world.area_m2:.0f} sq m, {world.pieces} things, wishes missed: {world.missed_preferences}"
+    return f"{world.area_m2:.0f} m², {world.pieces} things, wishes missed: {world.missed_preferences}"
 
 
 def _verdict_line(world: SheetWorld) -> str:
@@ -259,7 +258,14 @@ def _write(draw: ImageDraw.ImageDraw, place: tuple[int, int], text: str, size_px
         while text and draw.textlength(f"{text}…", font=font) > room_px:
             text = text[:-1]
         text = f"{text}…"
-    draw.text(place, text, fill=ink, font=font)
+    # Pillow's own font has no raised 2.
+    (x, y), small = place, ImageFont.load_default(round(0.65 * size_px))
+    for index, part in enumerate(text.split("²")):
+        if index:
+            draw.text((x, y), "2", fill=ink, font=small)
+            x += draw.textlength("2", font=small)
+        draw.text((x, y), part, fill=ink, font=font)
+        x += draw.textlength(part, font=font)
 
 
 def _inline(preview: bytes | None) -> str | None:

@@ -89,5 +89,21 @@ def test_a_world_shows_its_plan_as_an_image_in_which_nothing_acts(
     assert f'alt="Plan of {world.name}"' in page
 
 
+def test_jobs_and_worlds_have_the_names_that_people_read(
+    service: Service, known_worlds: None, generate: Callable[..., dict[str, Any]]
+) -> None:
+    (arn,) = generate()["finishedWorldsSummary"]["succeededWorlds"]
+    named = {"name": "scout in two rooms 1", "world": short_name(arn), "world_name": "two rooms 1"}
+    run = run_of(service, [make_job(0, "F").model_copy(update=named)])
+    (job,), (world,), (row,) = run.jobs, run.worlds, run.rows
+
+    assert Tags(job._repr_html_()).text.startswith(f"scout in two rooms 1 {job.id} failed")
+    assert (world.name, world.id) == ("two rooms 1", short_name(arn))
+    assert Tags(world._repr_html_()).text.startswith(f"two rooms 1 {world.id}")
+    assert (row.job_name, row.world_name) == ("scout in two rooms 1", "two rooms 1")
+    with service.activated():
+        assert run._names_of_worlds([arn, f"{arn}9"]) == {arn: "two rooms 1", f"{arn}9": short_name(f"{arn}9")}
+
+
 def test_an_empty_image_is_none() -> None:
     assert image(b"", "image/png", "nothing") == ""

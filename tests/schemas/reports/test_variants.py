@@ -65,6 +65,30 @@ def test_axes_of_trials_vary_in_a_job_and_not_between_jobs() -> None:
     assert variants(as_text) == ["trials=3", "trials=4"]
 
 
+def test_requirements_are_named_by_their_names_and_only_where_nothing_else_tells_jobs_apart() -> None:
+    def asked(name: str, **more: Any) -> dict[str, Any]:
+        return {**request(), "requirements": [{"name": name, "kind": "no_collision", **more}]}
+
+    assert variants([asked("soft"), asked("hard")]) == ["requirements: soft", "requirements: hard"]
+    assert variants([asked("soft") | {"seed": 1}, asked("hard") | {"seed": 2}]) == ["seed=1", "seed=2"]
+    assert variants([asked("soft"), request()]) == ["requirements: soft", ""]
+    limits = variants([asked("soft", limit=1), asked("soft", limit=2)])
+    assert limits == ["limit=1", "limit=2"]
+
+
+def test_a_policy_is_always_named() -> None:
+    common = {"A": "1", "B": "1", "C": "1"}
+    made = [
+        {
+            **request(**common, LIMIT=str(number)),
+            "policy": "a.onnx",
+            "extra": [f"x{number}", f"y{number}", f"z{number}"],
+        }
+        for number in range(3)
+    ]
+    assert all("policy=a.onnx" in each for each in variants([*made, request()])[:3])
+
+
 _values = st.recursive(
     st.none() | st.booleans() | st.integers() | st.text(max_size=40),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3),

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from helpers.night_records import digest, make_job, make_night
+from helpers.night_records import digest, make_job, make_night, make_trials_night
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -41,6 +41,14 @@ def test_what_changed_since_the_last_run() -> None:
     assert since.newly_failing[0].job == "sim-1-1"
     assert since.newly_failing[0].reason == "gentle: 9 N, at most 5 N asked"
     assert (since.paired, since.unpaired, since.first_failing) == (5, 0, [])
+
+
+def test_a_canceled_night_of_trials_counts_jobs(tmp_path: Path) -> None:
+    """A job that was canceled has one row for all the trials that it never ran: trials would say too much."""
+    night = make_trials_night(["PPP", "PFP"], runs=tmp_path)
+    jobs = [*night.jobs, make_job(2, "C"), make_job(3, "C")]
+    told = history_of("nightly", [NightRun.of(night.model_copy(update={"state": "canceled", "jobs": jobs}))])
+    assert told.nights[0].cut_short == "canceled, 2 of 4 jobs judged"
 
 
 def test_a_failure_began_with_the_first_run_after_the_last_pass() -> None:

@@ -46,6 +46,12 @@ def test_a_report_begins_with_the_answer(mixed_report: Report) -> None:
     )
 
 
+def test_the_rate_of_a_canceled_run_says_how_many_were_judged(mixed_report: Report) -> None:
+    html = render_report(mixed_report.model_copy(update={"state": "canceled"}))
+    assert re.search(r'class="rate cut-short">\s*<p class="rate-number">.*<strong>3 of 5 jobs judged</strong>', html)
+    assert "cut-short" not in render_report(mixed_report).partition("</style>")[2]
+
+
 def test_a_run_without_jobs_tells_those_that_are_gone(make_report: Any) -> None:
     since = since_last_run([NightRun.of(make_night("PP", 0)), NightRun.of(make_night("", 1))])
     answer = view_report(make_report([], [], since_last=since)).answer

@@ -46,6 +46,16 @@ def test_all_reports_tell_the_same_cause_and_how_to_see_it() -> None:
     assert first.startswith("to-bed: 46 trials missed it first; FLOOR = carpet: 38 of 186")
 
 
+def test_rows_of_tests_that_look_alike_are_one() -> None:
+    why = made()
+    weaker = why.lifts[0].model_copy(update={"axes": ["FLOOR", "other"], "p_value": 1.0, "lift": 1.0})
+    view = view_why(why.model_copy(update={"lifts": [weaker, *why.lifts]}))
+    assert view is not None
+    told = [(each.group, each.region) for each in view.lifts]
+    assert len(told) == len(set(told))
+    assert weaker not in view.lifts
+
+
 def test_one_failure_or_none_has_no_section() -> None:
     alone = Why(trials=3, failed=1, groups=[FailureGroup(requirement="polite", failed=1, job="sim", command="x")])
     for why in (None, alone):

@@ -33,7 +33,10 @@ def test_size(count: int, text: str) -> None:
     ("metric", "name", "unit"),
     [
         ("distance_m", "distance", "m"),
-        ("mean_speed_m_s", "mean speed", "m/s"),
+        ("mean_speed_m_s", "speed, mean", "m/s"),
+        ("mean_mean_speed_m_s", "speed, mean", "m/s"),
+        ("mean_sim_time_s", "simulated time, mean", "s"),
+        ("trials_errors", "trials that broke", ""),
         ("max_force_N", "max force", "N"),
         ("covered_area_m2", "covered area", "m²"),
         ("replans", "replans", ""),

@@ -27,7 +27,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `robomaker compare` to its parser."""
     parser.add_argument("before", metavar="A", help="id of the run to compare with; with --axis, the only run")
     parser.add_argument(
-        "after", metavar="B", nargs="?", help="id of the run that may be better, its specification's name, or latest"
+        "after",
+        metavar="B",
+        nargs="?",
+        help="id of the run that may be better, its specification's name, or latest (default: A, compared with the run "
+        "before it)",
     )
     parser.add_argument(
         "--alpha",
@@ -73,16 +77,15 @@ def execute(arguments: argparse.Namespace) -> int:
     runs = Settings.from_environment(os.environ).home / "runs"
     if arguments.axis is not None:
         return _compare_cells(arguments, runs, page)
-    if arguments.after is None:
-        raise ConfigurationError("B is missing; name the run that may be better, or a value of an axis with --axis")
-    files = [find_record(runs, run) for run in (arguments.before, arguments.after)]
-
     from .....tasks.comparison.better_or_worse import compare
     from .....tasks.comparison.compared_runs import NightRun
     from .....tasks.inspection.run_records import read_record
     from ...output.comparison import comparison_lines
 
-    before, after = map(read_record, files)
+    if arguments.after is None:
+        before, after = _with_run_before(find_record(runs, arguments.before))
+    else:
+        before, after = (read_record(find_record(runs, run)) for run in (arguments.before, arguments.after))
     if before.run_id == after.run_id:
         raise ConfigurationError(f"both runs are {before.run_id}; name two")
     comparison = compare(
@@ -95,6 +98,26 @@ def execute(arguments: argparse.Namespace) -> int:
         told = _write(Sides.of_runs(before, after, comparison), page, arguments.open)
     print_either(arguments.output, comparison, [*comparison_lines(comparison), *told])
     return comparison.exit_code
+
+
+def _with_run_before(path: Path) -> "tuple[RunRecord, RunRecord]":
+    """Returns the run that reports compare a run with, and the run itself.
+
+    Raises:
+        ConfigurationError: No earlier run of its specification has results.
+    """
+    from .....tasks.comparison.compared_runs import NightRun
+    from .....tasks.inspection.run_records import read_record, since_last
+
+    record = read_record(path)
+    runs = record.run_dir.parent
+    previous = since_last(NightRun.of(record), runs).previous_run_id
+    if previous is None:
+        raise ConfigurationError(
+            f"B is missing, and no run of {record.name} before {record.run_id} has results; name the run that may be "
+            "better, or a value of an axis with --axis"
+        )
+    return read_record(find_record(runs, previous)), record
 
 
 def _compare_cells(arguments: argparse.Namespace, runs: Path, page: Path | None) -> int:

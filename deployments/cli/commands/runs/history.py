@@ -1,7 +1,8 @@
 """Show the runs of a specification night by night, and write a page of it.
 
-The page has the pass rate of each run with its interval, requirements, worlds, jobs that are unsteady, and since
-when each failure lasts and what changed when it began.
+Without NAME it lists the specifications that have runs, with the newest run of each. The page has the pass rate of each
+run with its interval, requirements, worlds, jobs that are unsteady, and since when each failure lasts and what changed
+when it began.
 """
 
 import argparse
@@ -28,7 +29,12 @@ _MOST_TOLD = 3
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `robomaker history` to its parser."""
-    parser.add_argument("name", metavar="NAME", help="name of a specification, as in its file or after `run --name`")
+    parser.add_argument(
+        "name",
+        metavar="NAME",
+        nargs="?",
+        help="name of a specification, as in its file or after `run --name` (default: list those that have runs)",
+    )
     parser.add_argument("--runs", type=int, default=100, metavar="N", help="look at the latest N runs (default: 100)")
     parser.add_argument("--to", metavar="FILE", help="put the page there (default: history/NAME.html in the data home)")
     add_output(parser, "text", "json")
@@ -38,6 +44,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker history`: prints the history of a specification's runs and writes its page.
 
+    Without a name it lists the specifications that have runs.
     Runs that cannot be read are named on standard error. Raises ConfigurationError if no run can be shown, or
     `--runs` is below 1.
     """
@@ -47,6 +54,8 @@ def execute(arguments: argparse.Namespace) -> int:
         raise ConfigurationError(f"--runs is {arguments.runs}; it has to be a number from 1")
     settings = Settings.from_environment(os.environ)
     home = settings.home
+    if arguments.name is None:
+        return _list(arguments, home / "runs")
     # A name is no path, whatever it is.
     page = output_file(arguments.to, "--to") or home / "history" / f"{Path(arguments.name).name}.html"
 
@@ -74,6 +83,33 @@ def execute(arguments: argparse.Namespace) -> int:
     print_either(arguments.output, history, history_lines(history, path))
     if arguments.open:
         open_file(path)
+    return 0
+
+
+def _list(arguments: argparse.Namespace, runs: Path) -> int:
+    """Prints the specifications that have runs, with the newest run of each.
+
+    Raises ConfigurationError if an option is given that is for one specification.
+    """
+    for option, given in (("--to", arguments.to is not None), ("--open", arguments.open)):
+        if given:
+            raise ConfigurationError(f"{option} is for the page of one specification; name that")
+
+    from .....tasks.comparison.compared_runs import NightRun
+    from .....tasks.comparison.history import history_of
+    from .....tasks.inspection.run_records import find_records, names_of_specifications
+    from ...output.comparison import newest_lines
+
+    newest = {}
+    for name in names_of_specifications(runs):
+        found = find_records(runs, name, 1)
+        for problem in found.unreadable:
+            sys.stderr.write(f"robomaker: left out: {problem}\n")
+        if found.records:
+            newest[name] = history_of(name, [NightRun.of(found.records[-1])]).nights[-1]
+    listed = [{"name": name, **night.model_dump(mode="json", by_alias=True)} for name, night in newest.items()]
+    nothing = f"there are no runs in {runs} yet; `robomaker run SPEC` makes one"
+    print_either(arguments.output, {"schema_version": 1, "specifications": listed}, newest_lines(newest) or [nothing])
     return 0
 
 

@@ -253,6 +253,8 @@ def test_changed_requirements_are_a_list_and_what_stands_in_backticks_is_code(br
     assert "`" not in listed
     last = browser.get(f"/console/runs/{records[1].run_id}").text.partition('id="since-title"')[2]
     assert "<code>robomaker flaky</code> tells" in last
+    listed = last.partition("</section>")[0]
+    assert f'<a href="/console/jobs/{records[1].jobs[0].label}">drive: world-1 scout, seed 7</a>' in listed
 
 
 def test_a_trial_of_two_jobs_is_chosen_and_drawn_on_one_plan(

@@ -42,12 +42,25 @@ def test_a_history_grows_with_the_next_night(browser: Any, runs: Path) -> None:
     assert browser.get("/console/history/nightly").text.count('class="night"') == 4
 
 
+def test_a_canceled_run_says_how_much_of_it_was_judged(browser: Any, runs: Path) -> None:
+    canceled = make_night("PPPCCCCCCC", 4, runs=runs).model_copy(update={"state": "canceled"})
+    store_night(canceled)
+    for path in (f"/runs/{canceled.run_id}", ""):
+        page = html.unescape(browser.get(f"/console{path}").text)
+        assert "3 of 10 jobs passed, 3 judged" in page
+        assert "nothing changed" not in page
+        assert "7 jobs" in page
+    assert "canceled, 3 of 10 jobs judged" in browser.get("/console/history/nightly").text
+
+
 def test_two_runs_are_compared_as_a_plot(browser: Any, runs: Path) -> None:
     before, _, after = sorted(folder.name for folder in runs.iterdir())
     page = html.unescape(browser.get(f"/console/compare?before={before}&after={after}").text)
 
     assert "worse" in page
-    assert "100 percent passed before, 20 percent after" in page
+    assert "100 percent of A passed, 20 percent of B" in page
+    assert "Passed: <strong>100.0\xa0%</strong> of A → <strong>20.0\xa0%</strong> of B" in page
+    assert "Before<" not in page
     assert re.search(r"Newly failing .*?>8<", page)
     assert ">duration, s<" in page
     assert ">margin of gentle, N<" in page

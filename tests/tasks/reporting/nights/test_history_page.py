@@ -10,11 +10,14 @@ from helpers.browser import NEEDS_BROWSER, browsing
 from helpers.night_records import make_job, make_night
 from PIL import Image
 
+from prefect_robomaker.deployments.cli.output.comparison import history_lines
+from prefect_robomaker.deployments.console.rendering import since_briefly
 from prefect_robomaker.schemas.reports.changes import ChangedInput
 from prefect_robomaker.schemas.reports.history import History
 from prefect_robomaker.tasks.comparison.compared_runs import NightRun
 from prefect_robomaker.tasks.comparison.history import history_of, since_last_run
 from prefect_robomaker.tasks.reporting import render_history, render_report, write_history
+from prefect_robomaker.tasks.reporting.answer import news_in_words
 from prefect_robomaker.tasks.reporting.nights.changes import change_in_words
 from prefect_robomaker.tasks.reporting.nights.charts import outcome_strip, rate_chart
 
@@ -48,6 +51,28 @@ def test_one_run_has_a_page() -> None:
     html = render_history(history("PF"), RUNS)
     assert "This is the first run of the specification that has results here" in html
     assert "1 run; 1 of 2 passed in the last one" in html
+
+
+def test_a_canceled_night_says_how_much_of_it_was_judged() -> None:
+    nights = [make_night("P" * 6, 0, runs=RUNS), make_night("PPCCCC", 1, runs=RUNS)]
+    nights[1] = nights[1].model_copy(update={"state": "canceled"})
+    found = history_of("nightly", [NightRun.of(each) for each in nights])
+    html = render_history(found, RUNS)
+    lines = "\n".join(history_lines(found, RUNS))
+
+    assert found.since_last.without_result == 4
+    for text in (html, lines):
+        assert "canceled, 2 of 6 jobs judged" in text
+    assert "The last run: <strong>canceled</strong>" in html
+    assert "4 jobs of this run have no result" in html
+    assert "4 jobs of the last run have no result" in lines
+    for silent in ("as before", "No verdict changed"):
+        assert silent not in html
+    assert since_briefly(found.since_last) == "4 jobs without a result"
+    assert news_in_words(found.since_last) == "new since the last run: 4 jobs have no result"
+    ended = history("PPPPPP", "PPPPPP")
+    assert "No verdict changed: 6 jobs pass as before" in render_history(ended, RUNS)
+    assert "judged" not in "\n".join(history_lines(ended, RUNS))
 
 
 def test_runs_of_one_day_are_told_apart_by_their_times() -> None:

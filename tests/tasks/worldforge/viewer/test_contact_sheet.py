@@ -3,6 +3,7 @@
 import io
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from PIL import Image
 
@@ -36,6 +37,17 @@ def test_what_is_said_of_a_world_comes_from_the_world(flat: World, good: SheetWo
     assert broken.verdict == "broken"
     assert "overlap" in broken.problems[0]
     assert sheet_world("world-4", "arn:4", flat.model_copy(update={"checks": None}), None).verdict == "not checked"
+
+
+def test_a_small_picture_has_no_labels(flat: World, good: SheetWorld) -> None:
+    """They would be 5 pixels high in a tile."""
+    labelled, bare = (
+        np.asarray(Image.open(io.BytesIO(each)).convert("RGB")).astype(int)
+        for each in (good.preview or b"", render_preview(flat, named=False))
+    )
+    differs = np.abs(labelled - bare).max(axis=2) > 0
+    assert 0.005 < differs.mean() < 0.1, "only the labels differ"
+    assert labelled[differs].mean() > bare[differs].mean(), "labels are white"
 
 
 def test_worlds_with_problems_come_first(good: SheetWorld) -> None:

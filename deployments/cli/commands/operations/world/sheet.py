@@ -7,6 +7,8 @@ import argparse
 import json
 import sys
 from collections import Counter
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -61,21 +63,33 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def job_sheet(job: "Resource", service: "Service") -> "Sheet":
     """Makes the contact sheet (overview page) of a generation job's worlds so far, those with problems first."""
+    from ......tasks.service.references import names_of_worlds
     from ......tasks.worldforge.viewer.contact_sheet import Sheet, SheetFailure, problems_first
 
     worlds = sorted(
         service.catalog.children(job.arn, kind="world"), key=lambda world: int(world.arn.rpartition("-")[2])
     )
-    shown = [_sheet_world(world, service) for world in worlds]
+    names = names_of_worlds((world.arn for world in worlds), service)
+    shown = [_sheet_world(world, names[world.arn], service) for world in worlds]
     failures = (WorldGenerationJobDocument.of(job).failures or WorldFailures()).failures
     return Sheet(
-        title=f"Worlds of {job.id}",
+        title=f"Worlds of {_template_name(job, worlds, service) or job.id}",
         lines=_lines(job, shown),
         worlds=problems_first(shown),
         failures=tuple(
             SheetFailure(each.failure_count, each.failure_code, each.sample_failure_reason) for each in failures
         ),
     )
+
+
+def _template_name(job: "Resource", worlds: "Sequence[Resource]", service: "Service") -> str:
+    """Returns the name that the job's template had when it made worlds, else the one it has; empty: it has none."""
+    told = (WorldDocument.of(world).template_name for world in worlds)
+    if then := next(filter(None, told), None):
+        return then
+    template = WorldGenerationJobDocument.of(job).request.template
+    now = service.catalog.get_many([template]).get(template)
+    return (now.name if now is not None else None) or ""
 
 
 def _lines(job: "Resource", shown: "list[SheetWorld]") -> tuple[str, ...]:
@@ -91,7 +105,7 @@ def _lines(job: "Resource", shown: "list[SheetWorld]") -> tuple[str, ...]:
     told += [f"{deleted} deleted since"] if deleted else []
     plans = len(plan_numbers(shown))
     return (
-        f"{job.status}, {len(shown)} of {counted(requested, 'world')}: {', '.join(told)}",
+        f"{job.id}: {job.status}, {len(shown)} of {counted(requested, 'world')}: {', '.join(told)}",
         f"{plans} different {'plan' if plans == 1 else 'plans'}",
         f"seed {document.seed}, made {job.created_at:%Y-%m-%d %H:%M} UTC",
     )
@@ -100,20 +114,21 @@ def _lines(job: "Resource", shown: "list[SheetWorld]") -> tuple[str, ...]:
 _TROUBLES = (("broken", "with broken guarantees"), ("not checked", "never checked"), ("gone", "cannot be read"))
 
 
-def _sheet_world(resource: "Resource", service: "Service") -> "SheetWorld":
+def _sheet_world(resource: "Resource", name: str, service: "Service") -> "SheetWorld":
     from ......schemas.worlds.world import WORLD_FILE, World
+    from ......tasks.worldforge.pictures.preview import render_preview
     from ......tasks.worldforge.viewer.contact_sheet import SheetWorld, sheet_world
-    from ......tasks.worlds.previews import preview_of
 
-    name = resource.id.rpartition("/")[2]
     bundle = WorldDocument.of(resource).bundle
     try:
         if bundle is None:
             raise StorageError(f"{resource.arn} has no stored bundle")
         world = World.model_validate_json(service.store.get_bytes(bundle.bucket, f"{bundle.prefix}/{WORLD_FILE}"))
-        preview = preview_of(resource, service)
     except (StorageError, ValueError) as error:
         return SheetWorld(name=name, arn=resource.arn, verdict="gone", problems=(str(error).splitlines()[0],))
+    preview = b""
+    with suppress(ValueError):  # of a form that cannot be drawn
+        preview = render_preview(world, named=False)  # the stored picture's labels would be 5 pixels high
     return sheet_world(name, resource.arn, world, preview)
 
 
@@ -127,7 +142,8 @@ def _print(sheet: "Sheet", job: "Resource", files: dict[str, str], form: str) ->
     numbers = plan_numbers(sheet.worlds)
     worlds: list[dict[str, Any]] = [
         {
-            "name": each.name,
+            "name": each.arn.rpartition("/")[2],
+            "title": each.name,
             "arn": each.arn,
             "verdict": each.verdict,
             "plan": numbers.get(each.plan),

@@ -1,6 +1,7 @@
 """`robomaker world`: what it says of worlds, and of what is none."""
 
 import hashlib
+import io
 import json
 import shutil
 from collections.abc import Callable
@@ -10,12 +11,15 @@ from typing import Any
 import mujoco
 import pytest
 from helpers.small_flat import BODY
+from PIL import Image
 
 from prefect_robomaker.deployments.cli.commands.operations.world import view as world_view
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
+from prefect_robomaker.schemas.worlds.world import World
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.worldforge.bundle.bundle import content_hash, write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world
+from prefect_robomaker.tasks.worldforge.pictures.preview import render_preview
 from prefect_robomaker.tasks.worldforge.viewer import viewer_page
 
 
@@ -209,7 +213,18 @@ def test_a_jobs_sheet_and_its_worlds(
     sheet = json.loads(robomaker("world", "sheet", job["arn"], "--to", tmp_path / "sheet", "-o", "json").out)
     assert [(world["arn"], world["verdict"]) for world in sheet["worlds"]] == [(second, "gone"), (first, "holds")]
     assert Path(sheet["png"]).read_bytes().startswith(b"\x89PNG")
-    assert first in Path(sheet["html"]).read_text()
+    stored = service.catalog.get(first).document["bundle"]
+    world = World.model_validate_json(service.store.get_bytes(stored["bucket"], f"{stored['prefix']}/world.json"))
+    with Image.open(io.BytesIO(render_preview(world, named=False))) as bare:
+        drawn = bare.convert("RGB").resize((320, 240), Image.Resampling.LANCZOS)
+    assert drawn.tobytes() in {
+        Image.open(sheet["png"]).crop((x, y, x + 320, y + 240)).tobytes() for x in (20, 360) for y in range(80, 160)
+    }, "labels of rooms could not be read in a tile"
+    page = Path(sheet["html"]).read_text()
+    assert first in page
+    assert "<h1>Worlds of two rooms</h1>" in page
+    assert "<h2>two rooms 1, plan 1 of 1</h2>" in page
+    assert [world["title"] for world in sheet["worlds"]] == ["two rooms 2", "two rooms 1"]
     wrong = robomaker("world", "sheet", first)
     assert wrong.code == 2
     assert "has to name a world-generation-job" in wrong.err

@@ -95,7 +95,7 @@ def test_worlds_of_an_axis_are_found_by_the_names_that_people_see(robomaker: Any
         (("latest", "--axis", "robot=rover"), "B is for two runs, and --axis compares two values within one"),
         (("--axis", "robot=rover", "--margin", "5"), "--margin is for two runs"),
         (("--axis", "robot=rover", "--alpha", "0.1"), "--alpha is for two runs"),
-        ((), "B is missing; name the run that may be better, or a value of an axis with --axis"),
+        ((), "B is missing, and no run of nightly before nightly-20260301T020000000 has results; name the run"),
         (("latest", "--open"), "--open shows the page of --report; name its file"),
         (("latest", "--report", "/nowhere/page.html"), "--report is /nowhere/page.html; it has to be a file"),
     ],

@@ -1,5 +1,6 @@
 """history: the runs of a specification as text, as JSON and as a page."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,28 @@ def test_a_margin_that_shrinks_is_told_before_it_is_missed(robomaker: Any, home:
     assert said in robomaker("history", "shrinks").out
     assert said in (home / "history" / "shrinks.html").read_text()
     assert "No verdict changed" not in (home / "history" / "shrinks.html").read_text()
+
+
+def test_without_a_name_it_lists_the_specifications_that_have_runs(robomaker: Any, nights: None, home: Path) -> None:
+    told = robomaker("history")
+    assert (told.code, told.err) == (0, "")
+    assert told.out.splitlines() == [
+        "nightly       2026-03-03 02:00  broken, 1 of 3 jobs passed",
+        "nightly-long  2026-03-01 02:00  failed, 0 of 1 job passed",
+    ]
+    listed = json.loads(robomaker("history", "-o", "json").out)["specifications"]
+    assert [each["name"] for each in listed] == ["nightly", "nightly-long"]
+    assert "--to is for the page of one" in robomaker("history", "--to", "x.html").err
+
+
+def test_a_run_alone_is_compared_with_the_run_before_it(robomaker: Any, nights: None) -> None:
+    alone, both = robomaker("compare", "nightly"), robomaker("compare", "nightly-20260302T020000000", "nightly")
+    assert (alone.out, alone.code, alone.err) == (both.out, both.code, "")
+
+
+def test_without_runs_the_list_says_so(robomaker: Any, home: Path) -> None:
+    told = robomaker("history")
+    assert (told.code, told.out) == (0, f"there are no runs in {home}/runs yet; `robomaker run SPEC` makes one\n")
 
 
 def test_json_and_options(robomaker: Any, nights: None, tmp_path: Path) -> None:
