@@ -28,6 +28,16 @@ def test_a_browser_shows_the_page_and_sorts_its_table(mixed_report: Any, tmp_pat
         assert tab.complaints == []
 
 
+@pytest.mark.deep
+def test_long_names_wrap_and_leave_the_columns_in_the_window(mixed_report: Any, tmp_path: Path) -> None:
+    long = "duo in my flat, ROBOMAKER_SIM_TIME_LIMIT_S=20, requirements: soft, policy=turn_away.py:act, seed=7"
+    jobs = [job.model_copy(update={"name": f"{long} {number}"}) for number, job in enumerate(mixed_report.jobs)]
+    page = write_report(mixed_report.model_copy(update={"jobs": jobs}), tmp_path / "report.html")
+    with browsing(tmp_path / "profile") as browser, browser.page() as tab:
+        tab.load(page.as_uri(), 1300)
+        needs_no_scrolling_sideways(tab, 1300)
+
+
 def has_light_and_shade(picture: Path, theme: str, width: int) -> None:
     with Image.open(picture) as opened:
         image = opened.convert("RGB")
