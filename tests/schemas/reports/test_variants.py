@@ -29,7 +29,6 @@ def test_values_of_secrets_are_not_told() -> None:
 
 
 def test_of_many_settings_those_are_named_that_set_a_job_apart() -> None:
-    common = {"A": "1", "B": "1", "C": "1"}
     requests = [
         request("pusher", seed=1, **common, LIMIT="0.1"),
         request("pusher", seed=2, **common),
@@ -77,10 +76,9 @@ def test_requirements_are_named_by_their_names_and_only_where_nothing_else_tells
 
 
 def test_a_policy_is_always_named() -> None:
-    common = {"A": "1", "B": "1", "C": "1"}
     made = [
         {
-            **request(**common, LIMIT=str(number)),
+            **request(A="1", B="1", C="1", LIMIT=str(number)),
             "policy": "a.onnx",
             "extra": [f"x{number}", f"y{number}", f"z{number}"],
         }
