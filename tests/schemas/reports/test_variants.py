@@ -29,6 +29,7 @@ def test_values_of_secrets_are_not_told() -> None:
 
 
 def test_of_many_settings_those_are_named_that_set_a_job_apart() -> None:
+    common = {"A": "1", "B": "1", "C": "1"}
     requests = [
         request("pusher", seed=1, **common, LIMIT="0.1"),
         request("pusher", seed=2, **common),
