@@ -91,7 +91,8 @@ def _open(visit: Visit) -> list[Resource]:
 
 def _failures(visit: Visit, record_of_run: RecordOf | None = None) -> dict[str, Any]:
     groups = failure_groups(visit, record_of_run)
-    shown = [each for each in groups if not each.known][:_MOST_FAILURES]
+    # Those of the newest runs first: failures of earlier ones must not take their places.
+    shown = sorted((each for each in groups if not each.known), key=lambda each: each.is_past)[:_MOST_FAILURES]
     known = [each for each in groups if each.known][:_MOST_FAILURES]
     return {
         "groups": [*shown, *known],

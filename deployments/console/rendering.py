@@ -92,13 +92,18 @@ def since_briefly(since: SinceLastRun) -> str:
         "known to fail": sum(
             bool(change.known) for change in (*since.newly_failing, *since.still_failing, *since.first_failing)
         ),
-        "checked less than before": len(lost),
+        "checked less than before": len({each.job for each in lost}),
+        "judged by other requirements": since.other_requirements,
         "without a result": since.without_result,
     }
+    if not since.paired and not since.has_losses and not any(counts.values()):
+        return "no job could be compared"
     told = [f"{count} {'job' if count == 1 else 'jobs'} {words}" for words, count in counts.items() if count]
     missed = sum(change.newly_missed > 0 for change in since.requirements)
     told += [f"{missed} {'requirement' if missed == 1 else 'requirements'} newly missed in trials"] if missed else []
-    return ", ".join(told) or "nothing changed"
+    shrinking = len(since.shrinking)
+    told += [f"{shrinking} {'margin shrinks' if shrinking == 1 else 'margins shrink'}"] if shrinking else []
+    return ", ".join(told) or "no verdict changed"
 
 
 @cache

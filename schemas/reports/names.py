@@ -153,8 +153,12 @@ def specification_of(run_id: str) -> str:
 
 
 def began(run_id: str) -> str:
-    """Returns the time when a run began, as its id ends with it: texts of times sort as the times do."""
-    return run_id.rpartition("-")[2]
+    """Returns the time when a run began, as its id ends with it: texts of times sort as the times do.
+
+    Empty for a folder that somebody has named otherwise, such as a copy.
+    """
+    time = run_id.rpartition("-")[2]
+    return time if time[:1].isdecimal() else ""
 
 
 def newest_first(records: Iterable[Path]) -> list[Path]:

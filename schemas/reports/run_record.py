@@ -20,9 +20,9 @@ from .live_comparison import Against, AgainstAnswer
 from .names import with_id
 
 RunState = Literal["succeeded", "failed", "broken", "canceled", "timed out"]
+"""States of a finished run as a whole."""
 CUT_SHORT: frozenset[RunState] = frozenset({"canceled", "timed out"})
 """States of runs that did not end by themselves, so that some of their jobs may have no result."""
-"""States of a finished run as a whole."""
 
 CaseOutcome = Literal["broken", "failed", "canceled", "unfinished", "no verdict", "passed"]
 """Outcomes of one job."""

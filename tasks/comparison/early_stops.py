@@ -186,7 +186,7 @@ def _copies(trials: Sequence[PairedTrials]) -> NDArray[np.bool_]:
     for each in trials:
         after = each.before if each.after is None else each.after  # then no state is known
         for states, *outcomes in zip(each.states, each.before.tolist(), after.tolist(), strict=True):
-            pair = (each.world, states, *outcomes)
+            pair = (each.world, each.is_fair, states, *outcomes)
             copies.append(states is not None and pair in seen)
             seen.add(pair)
     return np.array(copies, dtype=bool)

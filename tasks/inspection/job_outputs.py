@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -22,6 +23,7 @@ from ...schemas.runs.provenance import PROVENANCE_FILE
 from ...schemas.runs.requirements import REQUIREMENTS_VARIABLE
 from ...schemas.runs.trial_rows import TRIALS_FILE, TrialsSummary, trial_folder
 from ...schemas.wire.arns import ResourceArn
+from ...schemas.wire.common import counted
 from ...schemas.wire.errors import InvalidParameterException, ObjectNotFoundError, StorageError
 from ...schemas.wire.json_values import is_mapping
 from ...schemas.worlds.world import WORLD_FILE
@@ -468,3 +470,24 @@ def _completed(inputs: Sequence[JobInputs | None], asked: Sequence[set[tuple[str
         ]
         completed.append(each.model_copy(update={"applications": [*each.applications, *more]}))
     return completed
+
+
+def told_of_twins(jobs: Sequence[ReportedJob]) -> list[ReportedJob]:
+    """Adds a note to jobs with identical states: their seed was forgotten, or has no effect."""
+    counts = Counter(filter(None, map(_states_of, jobs)))
+    told: list[ReportedJob] = []
+    for job in jobs:
+        if job.result is not None and (count := counts.get(_states_of(job) or "", 0)) > 1:
+            note = (
+                f"this and {counted(count - 1, 'other job')} of the run went through the same states: they count once"
+            )
+            job = job.model_copy(update={"result": job.result.model_copy(update={"notes": [*job.result.notes, note]})})
+        told.append(job)
+    return told
+
+
+def _states_of(job: ReportedJob) -> str | None:
+    """Returns the hash of the states of a job's own run; None: its results were reused, or there is no hash."""
+    result = job.result
+    has_run = result is not None and job.reused_from is None and result.sim_time_s > 0
+    return result.state_digest if result is not None and has_run else None

@@ -55,6 +55,7 @@ from .job_outputs import (
     outputs_of,
     places_of,
     results_of,
+    told_of_twins,
     with_inputs,
     write_results,
 )
@@ -296,7 +297,7 @@ def jobs_of(
                         failure_reason=str(error),
                     )
                 )
-    return with_inputs(_told_of_twins(_with_owners(_with_names(jobs, steps, service), service)), service)
+    return with_inputs(told_of_twins(_with_owners(_with_names(jobs, steps, service), service)), service)
 
 
 def _with_names(jobs: Sequence[ReportedJob], steps: Sequence[StepRecord], service: Service) -> list[ReportedJob]:
@@ -326,27 +327,6 @@ def _with_owners(jobs: Sequence[ReportedJob], service: Service) -> list[Reported
     found = service.catalog.ownerships(job.arn for job in jobs if job.arn)
     owners = {arn: JobOwner.of_lease(ownership.owner) for arn, ownership in found.items() if ownership.owner}
     return [job.model_copy(update={"carried_out_by": owners.get(job.arn or "")}) for job in jobs]
-
-
-def _told_of_twins(jobs: Sequence[ReportedJob]) -> list[ReportedJob]:
-    """Adds a note to jobs with identical states: their seed was forgotten, or has no effect."""
-    counts = Counter(filter(None, map(_states_of, jobs)))
-    told: list[ReportedJob] = []
-    for job in jobs:
-        if job.result is not None and (count := counts.get(_states_of(job) or "", 0)) > 1:
-            note = (
-                f"this and {counted(count - 1, 'other job')} of the run went through the same states: they count once"
-            )
-            job = job.model_copy(update={"result": job.result.model_copy(update={"notes": [*job.result.notes, note]})})
-        told.append(job)
-    return told
-
-
-def _states_of(job: ReportedJob) -> str | None:
-    """Returns the hash of the states of a job's own run; None: its results were reused, or there is no hash."""
-    result = job.result
-    has_run = result is not None and job.reused_from is None and result.sim_time_s > 0
-    return result.state_digest if result is not None and has_run else None
 
 
 def simulation_jobs(operation: str, arn: str, service: Service, *, has_ended: bool = True) -> list[ReportedJob]:

@@ -82,7 +82,7 @@ def finish_refused(
     skipped = [StepRecord(name=name, operation=spec.steps[name].operation, status="Skipped") for name in spec.order]
     folder = settings.home / "runs" / run_id
     try:
-        if deployment is not None:
+        if deployment is not None and spec.order:  # else its name is not known
             note_schedule(settings.home, str(deployment), spec.name, at)
         folder.mkdir(parents=True)
         return finish_run(

@@ -40,6 +40,7 @@ def news_in_words(since: SinceLastRun) -> str:
         (len(since.newly_passing), "newly passes", "newly pass"),
         (len(since.first_failing), "fails without an earlier result", "fail without an earlier result"),
         (len({each.job for each in lost}), "is gone or checked less", "are gone or checked less"),
+        (since.other_requirements, "is judged by other requirements", "are judged by other requirements"),
         (since.without_result, "has no result", "have no result"),
     )
     told = [

@@ -5,7 +5,13 @@ from dataclasses import replace
 
 from ...schemas.specs.specification import CheckedSpec, CheckedStep
 from ...schemas.specs.yaml_nodes import ListNode, MappingNode, Node, ScalarNode
-from ...schemas.wire.errors import Problem, RobomakerError, SpecError
+from ...schemas.wire.errors import (
+    ConfigurationError,
+    InvalidParameterException,
+    Problem,
+    ResourceNotFoundException,
+    SpecError,
+)
 from ...schemas.wire.operation_shape import CHANGES
 from ...schemas.wire.request_problems import Location
 from .references import find_only_world, find_world
@@ -54,7 +60,7 @@ def with_world_arns(
     for name, is_changed in dict.fromkeys((each.name, is_changed) for each, is_changed in named):
         try:
             arns[name, is_changed] = (find_only if is_changed else find)(name)
-        except RobomakerError as error:
+        except (ConfigurationError, InvalidParameterException, ResourceNotFoundException) as error:
             wrong[name, is_changed] = str(error)
     if wrong:
         problems = [

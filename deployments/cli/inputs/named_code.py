@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ....schemas.runs.plan import ApplicationPlan, ApplicationRole
-from ....schemas.runs.policies import parse_policy
+from ....schemas.runs.policies import POLICY_VARIABLE, parse_policy
 from ....schemas.settings import Settings
 from ....schemas.specs.specification import CheckedSpec, CheckedStep, axes_of, made_list_of
 from ....schemas.specs.yaml_nodes import (
@@ -31,6 +31,7 @@ from ....schemas.specs.yaml_nodes import (
     value_place,
 )
 from ....schemas.wire.errors import BundleError, LaunchError, Problem, RobomakerError
+from ....schemas.wire.json_values import is_list, is_object
 from ....schemas.wire.request_problems import Location, nearest, path_text
 
 _MAKERS: Mapping[str, ApplicationRole] = {
@@ -120,10 +121,11 @@ class _CodeCheck:
         name = request.get("name") if isinstance(request, dict) else None
         if role is None or not isinstance(name, str) or _OPENING in name:
             return None
-        uri, sources = (request.get("environment") or {}).get("uri"), request.get("sources")
+        environment, sources = request.get("environment"), request.get("sources")
+        uri = environment.get("uri") if is_object(environment) else None
         if isinstance(uri, str) and uri.startswith(_PYTHON) and _OPENING not in uri:
             return self._installed(_Application(name, role, step.name, module=uri.removeprefix(_PYTHON)), step)
-        if isinstance(sources, list) and sources:
+        if is_list(sources) and sources and all(map(is_object, sources)):  # else some are references
             index = next((i for i, each in enumerate(sources) if each.get("architecture") in (None, "X86_64")), 0)
             folder = self._unpacked(step, index, sources[index])
             return _Application(name, role, step.name, folder=folder) if folder is not None else None
@@ -149,6 +151,7 @@ class _CodeCheck:
             return None
         if place == "aws" or "://" in place:
             return None
+        from ....tasks.simulations.inputs.bundles import unpack_colcon_bundle
         from ....tasks.storage.archives import unpack
         from ....tasks.storage.directory import DirectoryStore
 
@@ -165,6 +168,7 @@ class _CodeCheck:
                 return None
             folder = Path(self.opened.enter_context(tempfile.TemporaryDirectory()), "application")
             unpack(archive, folder)
+            unpack_colcon_bundle(folder)
         except BundleError as error:
             self._tell(step, at, f"s3://{bucket}/{key}: {error}")
             return None
@@ -181,13 +185,16 @@ class _CodeCheck:
     def _look_at(self, application: _Application, request: Node, config: MappingNode, at: Location) -> None:
         """Checks what a job starts of an application, and the robot that this application brings."""
         launch = plain(child(config, "launchConfig") or config)
-        if any(_OPENING in str(launch.get(each)) for each in _STARTED):
+        if not is_object(launch) or any(_OPENING in str(launch.get(each)) for each in _STARTED):
             return
         from ....tasks.simulations.planning.launch_configurations import Code, Factory, resolve_launch
 
         member = next((each for each in reversed(_STARTED) if launch.get(each)), None)
         where: Location = ("launchConfig", *([member] if member else []))
-        policy = plain(child(request, "policy") or ScalarNode(config.place, None, ""))
+        variables = {**self.environ, **_variables(request)}
+        policy = plain(child(request, "policy") or ScalarNode(config.place, None, "")) or variables.get(POLICY_VARIABLE)
+        if _OPENING in str(policy):
+            return  # each value of a reference would have to be looked at
         attribute = None
         if policy and application.role == "robot":
             self._check_policy(application, str(policy), request, at[:-2])
@@ -196,7 +203,8 @@ class _CodeCheck:
             try:
                 started = resolve_launch(code, launch, shutil.which, sys.executable)
             except LaunchError as error:
-                self._tell_at(config, at, where, str(error))
+                # The machine of the jobs may have what this one lacks: ROS, a program, an interpreter.
+                self._tell_at(config, at, where, str(error), is_note="this machine" in str(error))
                 return
             attribute = started.attribute if isinstance(started, Factory) else None
             if attribute is not None:
@@ -209,7 +217,6 @@ class _CodeCheck:
                 path=application.folder,
                 policy=policy or None,
             )
-            variables = {**self.environ, **_variables(request)}
             self._check_robot(plan, variables, config, at)
 
     def _check_factory(
@@ -226,7 +233,7 @@ class _CodeCheck:
 
     def _check_policy(self, application: _Application, policy: str, request: Node, at: Location) -> None:
         """Checks that a policy of an archive is there: its file, or its module and function."""
-        if _OPENING in policy or application.folder is None:
+        if application.folder is None:
             return
         from ....tasks.runtime.episode.factory_source import why_no_factory
 
@@ -269,9 +276,12 @@ class _CodeCheck:
         for each in told:
             self._tell_at(config, at, ("application",), f"robot application {plan.name}: {each}")
 
-    def _tell_at(self, config: MappingNode, at: Location, where: Location, message: str) -> None:
+    def _tell_at(
+        self, config: MappingNode, at: Location, where: Location, message: str, *, is_note: bool = False
+    ) -> None:
         place = value_place(config, where) if child(config, where[0]) else key_place(config, ())
-        self.problems.append(Problem(place, path_text((*at, *where)), message))
+        told = self.notes if is_note else self.problems
+        told.append(Problem(place, path_text((*at, *where)), message))
 
 
 def _requests(step: CheckedStep) -> Iterator[tuple[Location, Node]]:
@@ -308,17 +318,21 @@ def _names(step: CheckedStep, application: Node | None) -> list[str]:
 def _drives(request: Node) -> bool:
     """Returns whether a job's simulation is the one that takes robots of `robot.yaml`."""
     simulations = plain(child(request, "simulationApplications") or request)
-    return isinstance(simulations, list) and simulations[0].get("application") == "indoor-navigation"
+    first = simulations[0] if is_list(simulations) and simulations else None
+    return is_object(first) and first.get("application") == "indoor-navigation"
 
 
 def _variables(request: Node) -> dict[str, str]:
+    """Returns the launch variables of a job's request that are written out; references may be anywhere in it."""
     written = plain(request)
-    configs = [each for member in _MEMBERS.values() for each in written.get(member) or ()]
-    return {
-        name: value
-        for config in configs
-        for name, value in ((config.get("launchConfig") or {}).get("environmentVariables") or {}).items()
-    }
+    found: dict[str, str] = {}
+    for member in _MEMBERS.values():
+        configs = written.get(member) if is_object(written) else None
+        for config in configs if is_list(configs) else ():
+            launch = config.get("launchConfig") if is_object(config) else None
+            variables = launch.get("environmentVariables") if is_object(launch) else None
+            found |= {name: str(value) for name, value in variables.items()} if is_object(variables) else {}
+    return found
 
 
 def _unknown_joints(file: Path, model: str) -> Iterator[str]:

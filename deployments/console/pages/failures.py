@@ -9,9 +9,10 @@ from urllib.parse import urlencode
 from starlette.responses import Response
 
 from ....schemas.documents.simulation_jobs import JobInBrief
-from ....schemas.reports.run_record import JobRecord, RunRecord
+from ....schemas.reports.run_record import CUT_SHORT, JobRecord, RunRecord
 from ....tasks.catalog import Resource
 from ....tasks.comparison.compared_runs import TRIALS
+from ....tasks.inspection.run_records import is_night
 from ..job_states import JOB, JobLine, job_line, named_in_run
 from ..rendering import HOME
 from ..run_records import JobsInRuns, RecordOf, record_of, run_name
@@ -111,10 +112,14 @@ def grouped(jobs: Iterable[Resource], record_of_run: RecordOf) -> list[FailureGr
 
 
 def _newest_nights(records: Iterable[RunRecord]) -> dict[str, datetime]:
-    """Returns when the newest run of each specification began; a rerun, which has some of the jobs, is none."""
+    """Returns when the newest run of each specification began of those that had all its jobs to their ends.
+
+    A rerun, the probe of a forecast, and a run that was cut short or stopped early say nothing of the other jobs.
+    """
     found: dict[str, datetime] = {}
     for record in records:
-        if record.rerun_of is None:
+        is_whole = record.state not in CUT_SHORT and not (record.against and record.against.stopped_early)
+        if is_night(record) and is_whole:
             found[record.name] = max(record.started_at, found.get(record.name, record.started_at))
     return found
 

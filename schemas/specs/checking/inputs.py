@@ -204,9 +204,12 @@ class InputCheck:
         if value is None:
             return self._unknown(location, annotation)
         inner_scope = {**scope, **self._variables(construct, item, problems), INDEX: WHOLE_NUMBER}
+        outer = self._world_variables - {variable_of(construct)}  # another list may have used the same name
+        self._world_variables = set(outer)
         made = [self._walk(value, (*location, 0), inner(annotation, 0), inner_scope)]
         if variable_of(construct) in self._world_variables:
             self._name_worlds(construct.entries[FOR_EACH], (*as_written(self.node, location), FOR_EACH))
+        self._world_variables.discard(variable_of(construct))
         return made
 
     def _axes(self, construct: MappingNode, location: Location, annotation: Any, scope: Scope) -> Any:
@@ -220,6 +223,7 @@ class InputCheck:
             return self._unknown(location, annotation)
         for name in clashing_axes([*axes.kinds], plain(value) if isinstance(value, MappingNode) else {}):
             self._report_at((*location, VALUE, "trials", "axes", name), clashing_words(name), at_key=True)
+        self._world_variables -= axes.kinds.keys()
         made = self._walk(value, (*location, 0), inner(annotation, 0), {**scope, **axes.kinds})
         for name in self._world_variables & axes.kinds.keys():
             at = (AXES, name, "values")

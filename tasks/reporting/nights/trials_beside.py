@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from ....schemas.runs.plan import RunResult
 from ....schemas.runs.trial_rows import FailingTrial, TrialsSummary
 
+_PASSED = "passed"
+
 Results = tuple[RunResult | None, RunResult | None]
 """Results of two jobs, the first one first; `None`: it left none."""
 
@@ -42,23 +44,33 @@ def trials_beside(results: Results) -> TrialsBeside | None:
     has_each = {
         number: all(summary is not None and number < summary.planned for summary in summaries) for number in numbers
     }
-    differing = [number for number in numbers if has_each[number] and (number in failing[0]) != (number in failing[1])]
+    told = {
+        number: (_told(summaries[0], failing[0], number), _told(summaries[1], failing[1], number)) for number in numbers
+    }
+    differing = [
+        number
+        for number in numbers
+        if has_each[number] and (number in failing[0]) != (number in failing[1]) and _PASSED in told[number]
+    ]
     ranked = (
         *(number for number in differing if number in both),
         *differing,
         *(number for number in numbers if number in both),
         *numbers,
     )
-    told = {
-        number: (_told(summaries[0], failing[0], number), _told(summaries[1], failing[1], number)) for number in numbers
-    }
     return TrialsBeside(tuple(numbers), frozenset(differing), ranked[0], told)
 
 
 def _told(summary: TrialsSummary | None, failing: dict[int, FailingTrial], number: int) -> str:
-    if summary is None or number >= summary.planned:
+    if summary is None:
+        return "left no result of its trials"
+    if number >= summary.planned:
         return "has no such trial"
     if (found := failing.get(number)) is None:
-        return "passed" if summary.stopped_in is None or number < summary.stopped_in else "was not run"
+        if summary.stopped_in is not None and number >= summary.stopped_in:
+            return "was not run"
+        # Only the first that did not pass are listed, and which of the others have no verdict is not known.
+        is_listed = len(failing) < summary.counts.failed + summary.counts.errors and number > max(failing, default=-1)
+        return "did not fail" if summary.counts.unjudged else "not known" if is_listed else _PASSED
     word = "failed" if found.verdict == "FAIL" else "broke"
     return f"{word}, {found.reason}" if found.reason else word

@@ -62,7 +62,9 @@ def _missing(parts: Sequence[str], found: ModuleSpec) -> SourceProblem | None:
         found, count = inner, count + 1
     where, name = ".".join(parts[:count]), parts[count]
     file = Path(found.origin) if found.origin and found.origin.endswith(".py") else None
-    modules = [module.name for module in pkgutil.iter_modules(found.submodule_search_locations or ())]
+    places = [Path(each) for each in found.submodule_search_locations or ()]
+    modules = [module.name for module in pkgutil.iter_modules([str(each) for each in places])]
+    modules += [each.name for place in places if place.is_dir() for each in place.iterdir() if each.is_dir()]
     if file is None and found.loader is not None and found.origin is not None:
         return None  # compiled
     try:
@@ -85,7 +87,8 @@ def _top(name: str, path: Path | None) -> ModuleSpec | None:
 
 def _inner(name: str, package: ModuleSpec) -> ModuleSpec | None:
     places = package.submodule_search_locations
-    return None if places is None else PathFinder.find_spec(name, list(places))
+    # By the last component: of a folder without `__init__.py`, the finder would look its package up in `sys.modules`.
+    return None if places is None else PathFinder.find_spec(name.rpartition(".")[2], list(places))
 
 
 def _names(file: Path) -> Sequence[str] | None:
@@ -96,7 +99,10 @@ def _names(file: Path) -> Sequence[str] | None:
         return None
     if len(content) > _MOST_BYTES:
         return None
-    tree = ast.parse(content, file.name)
+    try:
+        tree = ast.parse(content, file.name)
+    except (RecursionError, MemoryError, ValueError):  # a ValueError: it has zero bytes
+        return None
     called = {node.func.id for node in ast.walk(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
     found = list(_bound(tree.body))
     return None if _BINDERS & called or {"*", "__getattr__"}.intersection(found) else found

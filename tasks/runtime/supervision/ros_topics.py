@@ -135,10 +135,12 @@ def _joined(
     names = [part.name for part in parts]
     command = [_JOINING, str(folder.absolute()), *names]
     said, problem = run_helper(command, stop=stop, environment=environment, limit_s=limit_s)
-    if problem is not None:
+    # A child that is stopped while it deletes the parts has merged all of them before.
+    if problem is not None and all(part.exists() for part in parts):
         _remove_unfinished(folder)
         return [f" are in {', '.join(names)}, and not in recording.mcap: {problem}"]
     for part in parts:
+        part.unlink(missing_ok=True)
         with suppress(OSError):
             report_path(part).unlink()
     # Those of earlier starts were cut off in any case, which is noted.

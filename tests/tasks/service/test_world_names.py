@@ -128,3 +128,15 @@ def test_the_schema_for_editors_takes_names_too() -> None:
 
     assert [*validator.iter_errors(plain(parse(SPEC, "s.yaml")))] == []
     assert [*validator.iter_errors(plain(parse(SPEC.replace("worlds: [flat 1]", "worlds: [7]"), "s.yaml")))] != []
+
+
+def test_a_variable_of_one_list_is_not_taken_for_a_world_in_the_next() -> None:
+    """Both lists call their items `item`; the second one's were looked up as worlds."""
+    text = (
+        "version: 1\nname: twice\nsteps:\n  vary:\n    operation: VaryWorlds\n    input:\n"
+        "      worlds: {forEach: [flat 1], value: '${{ item }}'}\n"
+        "      variations: {forEach: [night], value: {light: '${{ item }}'}}\n"
+    )
+    made = json.loads(request(with_world_arns(load_spec(text, "s.yaml"), found, found), "vary"))
+    assert made["worlds"] == ["arn:flat 1"]
+    assert made["variations"] == [{"light": "night"}]

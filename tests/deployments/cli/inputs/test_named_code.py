@@ -184,3 +184,53 @@ def test_an_installed_package_is_read_too(robomaker: Any, tmp_path: Path, monkey
     path.write_text(given.replace("launchFile: make_agent", "launchFile: agents.make_agent"))
     assert f"{package}/__init__.py:1:1: hall_rover has no agents" in robomaker("validate", path).err
     assert "hall_rover" not in sys.modules
+
+
+@pytest.mark.parametrize(
+    ("written", "referred"),
+    [
+        ("{packageName: my_rover, launchFile: make_agent}}]\n      sim", '"${{ item.launch }}"}]\n      sim'),
+        ("launchConfig: {}}]", 'launchConfig: {environmentVariables: "${{ item.variables }}"}}]'),
+        ("[{application: indoor-navigation, launchConfig: {}}]", '"${{ item.simulations }}"'),
+        ("iamRole: ", 'policy: "${{ item.policy }}"\n      iamRole: '),
+    ],
+)
+def test_references_anywhere_in_a_job_are_no_defect(
+    robomaker: Any, tmp_path: Path, pack: Any, written: str, referred: str
+) -> None:
+    """Each of them crashed the check, as members were taken for written out."""
+    pack({"my_rover/__init__.py": AGENT, "my_rover/robot.yaml": RIGHT, "my_rover/robot.urdf": MODEL})
+    assert written in SPEC
+    inside = SPEC.partition("    input:\n      maxJob")
+    job = ("      maxJob" + inside[2]).replace(written, referred)
+    value = "".join(f"          {line}\n" for line in job.rstrip("\n").replace("\n      ", "\n").strip().splitlines())
+    items = "{launch: {packageName: my_rover, launchFile: make_agent}, variables: {A: b}, policy: 'my_rover:make_agent'"
+    items += ", simulations: [{application: indoor-navigation, launchConfig: {}}]}"
+    batch = (
+        "    input:\n      createSimulationJobRequests:\n        forEach: [" + items + "]\n        value:\n"
+        + value.replace("iamRole: arn:aws:iam::000000000000:role/local", "seed: 1")
+    )  # fmt: skip
+    path = tmp_path / "spec.yaml"
+    path.write_text((inside[0] + batch).replace("CreateSimulationJob\n", "StartSimulationJobBatch\n"))
+    ended = robomaker("validate", path)
+    assert "defect" not in ended.err
+    assert ended.code == 0, ended.err
+
+
+def test_a_folder_without_init_is_a_package_too(robomaker: Any, tmp_path: Path, pack: Any) -> None:
+    pack({"my_rover/__init__.py": "", "my_rover/agents/drive.py": AGENT})
+    path = tmp_path / "spec.yaml"
+    path.write_text(SPEC.replace("launchFile: make_agent", "launchFile: agents.drive.make_agent"))
+    ended = robomaker("validate", path)
+    assert ended.code == 0, ended.err
+    path.write_text(SPEC.replace("launchFile: make_agent", "launchFile: agents.drive.make_agnt"))
+    assert "my_rover.agents.drive has no make_agnt" in robomaker("validate", path).err
+
+
+def test_a_program_that_this_machine_lacks_is_a_note(robomaker: Any, tmp_path: Path, pack: Any) -> None:
+    """The machine of the jobs may have it."""
+    pack({"my_rover/__init__.py": AGENT})
+    path = tmp_path / "spec.yaml"
+    path.write_text(SPEC.replace("launchFile: make_agent", "launchFile: nav.launch.py"))
+    ended = robomaker("validate", path)
+    assert ended.code == 0, ended.err

@@ -158,7 +158,7 @@ def test_a_robot_without_commands_stands_still_after_half_a_second(run) -> None:
     actions = [np.frombuffer(data).tolist() for data in made.kept]
     moving = [number for number, action in enumerate(actions) if action != [0.0, 0.0]]
     assert len(moving) == 10
-    assert "sent 1 commands for 30 steps, and none after step 1: the robot stood still" in notes(made)
+    assert "sent 1 command for 30 steps, and none after step 1: the robot stood still" in notes(made)
 
 
 def test_the_mission_goes_out_as_goals_and_a_place_to_begin(run) -> None:
