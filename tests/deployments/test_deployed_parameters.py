@@ -222,7 +222,7 @@ def test_a_worker_runs_it_with_the_values_of_the_order(
 
 
 def hooked(webhook: Webhook) -> list[str]:
-    """What was told, without the order of the runs: pings of starts, of good and bad ends, and messages."""
+    """Pings of starts, of good and bad ends, and messages, without the order of the runs."""
     told = [each.removeprefix("/night") for each in webhook.paths]
     return sorted(told, key=["/start", "", "/fail", "/hook"].index)
 

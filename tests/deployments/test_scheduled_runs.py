@@ -31,7 +31,7 @@ SPEC = {
         "look": {"operation": "DescribeWorldTemplate", "input": {"template": "${{ template.arn }}"}},
     },
 }
-"""What a worker makes of worlds and jobs is in `test_prefect_yaml.py`."""
+"""Schedules; `test_prefect_yaml.py` has what a worker makes of worlds and jobs."""
 
 
 @pytest.fixture

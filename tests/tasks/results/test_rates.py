@@ -105,7 +105,7 @@ def test_a_requirement_that_was_met_until_the_run_broke_is_no_judgement() -> Non
 
 
 def test_a_missed_requirement_has_the_margin_of_a_miss_or_none() -> None:
-    """What was missed without a margin has none, though other jobs met it with some: 0.4 m beside a miss misleads."""
+    """The margin of a job that met it, 0.4 m, beside a miss without one would mislead."""
     jobs = [judged(0, margin=0.4, unit="m"), judged(1, satisfied=False)]
     [share] = by_requirement(ResultTable.of(jobs))
     assert (share.failed, share.worst_margin, share.unit) == (1, None, None)

@@ -136,7 +136,7 @@ def test_jobs_that_no_run_has_say_what_they_are(browser: Any, store_job: Callabl
 def test_the_first_page_says_what_needs_somebody_now(
     browser: Any, service: Service, store_job: Callable[..., str]
 ) -> None:
-    """What the newest run of a specification has no more stands below; so the first page is not red of old runs."""
+    """Failures that the newest run does not have are listed below, so that the first page is not red with old runs."""
     runs = service.settings.home / "runs"
     for night, letter in enumerate("FP"):
         run_id = make_night(letter, night).run_id
