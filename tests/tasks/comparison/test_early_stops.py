@@ -74,6 +74,13 @@ def test_copies_of_one_pair_decide_nothing() -> None:
     assert (decide(worlds, ASKED).answer, decide(worlds, ASKED).judged) == ("better", 8), "each world counts"
 
 
+def test_a_pair_that_was_judged_otherwise_hides_none_that_was_judged_alike() -> None:
+    """The first of two copies counts; one by other requirements is no copy of one by the same."""
+    alike = PairedTrials("", codes("F"), codes("P"), before_states=("a",), after_states=("b",))
+    otherwise = PairedTrials("", codes("F"), codes("P"), False, before_states=("a",), after_states=("b",))
+    assert decide([otherwise, alike], ASKED).judged == 1
+
+
 def test_other_requirements_are_no_verdict_and_with_a_margin_no_pass() -> None:
     other = [job("P", "P", is_fair=False) for _ in range(60)]
     assert (decide(other, ASKED).answer, decide(other, ASKED).judged) == (None, 0)
