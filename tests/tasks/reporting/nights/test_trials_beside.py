@@ -13,10 +13,10 @@ def result(failing: list[int], recorded: list[int], passed: int, **more: Any) ->
     listed = [{"trial": number, "seed": 1, "verdict": "FAIL", "reason": "slow"} for number in failing[:LISTED]]
     counts = {"passed": passed, "failed": len(failing)}
     summary = {"planned": 500, "counts": counts, "failing": listed, "recorded": recorded, **more}
-    return RunResult(
-        verdict="FAIL", ended_by="environment", sim_time_s=1.0, wall_time_s=1.0, real_time_factor=1.0, seed=1, summary="",
-        requirements=[], metrics={}, versions={}, extra={"trials": summary},
-    )  # fmt: skip
+    times = {"sim_time_s": 1.0, "wall_time_s": 1.0, "real_time_factor": 1.0}
+    empty: dict[str, Any] = {"requirements": [], "metrics": {}, "versions": {}, "summary": ""}
+    more_of_it = {"trials": summary}
+    return RunResult(verdict="FAIL", ended_by="environment", seed=1, extra=more_of_it, **times, **empty)
 
 
 def test_the_first_trial_that_differs_is_shown() -> None:
