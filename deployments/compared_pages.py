@@ -26,6 +26,8 @@ from ..tasks.reporting import (
     Drive,
     PairLine,
     PairPainter,
+    SideTrials,
+    TrialsBeside,
     change_in_words,
     outcomes,
     trials_beside,
@@ -128,18 +130,18 @@ def compared_page(
     cards = []
     for number, pair in enumerate(shown, start=first):
         drives = _drive(pair.before, service, is_seen), _drive(pair.after, service, is_seen)
-        trials = trials_beside((drives[0].result, drives[1].result))
+        before, after = (SideTrials(each.result, each.trials, each.first_seed) for each in drives)
+        trials = trials_beside((before, after))
+        shown = None
         if trials is not None:
             wanted = (chosen or {}).get(number, trials.first)
-            trial = wanted if wanted in trials.numbers else trials.first
-            before, after = drives
-            drives = (
-                _drive_of_trial(pair.before, before, trial, service),
-                _drive_of_trial(pair.after, after, trial, service),
-            )
+            shown = wanted if wanted in trials.numbers else trials.first
+            drives = _drives_of_trial(pair, drives, trials, shown, service)
         asked = (drives[0].asked, drives[1].asked) if all(drive.asked for drive in drives) else None
         rows = requirements_beside(pair, asked)
-        cards.append(painter.card(number, (pair.before, pair.after), name_of(pair.after).title, rows, drives, trials))
+        cards.append(
+            painter.card(number, (pair.before, pair.after), name_of(pair.after).title, rows, drives, trials, shown)
+        )
     return ComparisonPage(
         name=sides.name,
         before=sides.before,
@@ -230,9 +232,18 @@ def _drive(job: JobRecord, service: Service, is_seen: Callable[[JobRecord], bool
     return drive_of(job, service)
 
 
-def _drive_of_trial(job: JobRecord, drive: Drive, trial: int, service: Service) -> Drive:
-    """Returns what a trial left of its drive; the job's own where the job has no trials, or left nothing."""
-    return drive if TrialsSummary.of(drive.result) is None else drive_of(job, service, trial)
+def _drives_of_trial(
+    pair: Pair, drives: tuple[Drive, Drive], trials: TrialsBeside, shown: int, service: Service
+) -> tuple[Drive, Drive]:
+    """Returns what a trial left of its drive in both jobs; a job's own where the job left no result of its trials."""
+    found: list[Drive] = []
+    numbers = (trials.before.get(shown), shown)
+    for job, drive, number, end in zip((pair.before, pair.after), drives, numbers, trials.told[shown], strict=True):
+        own = drive
+        if TrialsSummary.of(drive.result) is not None:
+            own = replace(drive, result=None, files=()) if number is None else drive_of(job, service, number)
+        found.append(replace(own, trial_title=trials.titles[shown], trial_end=end))
+    return found[0], found[1]
 
 
 def _title(run: RunRecord, changed: Sequence[ChangedInput], is_first: bool) -> str:

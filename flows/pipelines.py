@@ -9,6 +9,7 @@ import signal
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from contextvars import ContextVar
+from dataclasses import replace
 from datetime import datetime
 from functools import partial
 from pathlib import Path
@@ -21,10 +22,10 @@ from prefect.runtime import deployment, flow_run
 from prefect.states import Cancelled
 
 from ..schemas.reports.progress import Note, ProgressEvent, ProgressListener, StepEnded, StepProgress, StepStarted
-from ..schemas.reports.run_record import Interruption, RunRecord, StepRecord, new_run_id
-from ..schemas.reports.run_states import BAD_ENDS, FlowResult, is_bad, result_of
+from ..schemas.reports.run_record import CaseOutcome, Interruption, RunRecord, StepRecord, new_run_id
+from ..schemas.reports.run_states import BAD_ENDS, FlowResult, count_outcomes, is_bad, result_of
 from ..schemas.settings import Settings
-from ..schemas.specs.batch_splitting import EarlierParts, Part, parts_of, with_client_token
+from ..schemas.specs.batch_splitting import EarlierParts, Part, parts_of, step_of, with_client_token
 from ..schemas.specs.check import load_spec
 from ..schemas.specs.checking.impossible_goals import check_world_counts
 from ..schemas.specs.parameter_values import param_options, set_options
@@ -42,15 +43,17 @@ from ..tasks.execution.leases.catalog_outages import CatalogWait, Result
 from ..tasks.execution.orphans import wait_if_ending
 from ..tasks.execution.run_watch import beginning_run, watched_run
 from ..tasks.execution.schedule_overlaps import give_way_to_earlier
-from ..tasks.inspection.job_standings import why_not_completed
+from ..tasks.inspection.challenges import SabotageNotes
+from ..tasks.inspection.job_standings import simulation_standings, why_not_completed
 from ..tasks.inspection.pipeline_parts import (
     RunInterrupted,
     error_in_words,
     permit_all,
     read_spec_file,
 )
-from ..tasks.inspection.preflight import await_store, check_disk, check_preconditions
+from ..tasks.inspection.preflight import await_store, check_disk, check_preconditions, with_all_found
 from ..tasks.inspection.run_records import commit_of
+from ..tasks.inspection.runs_beside import DRIVES
 from ..tasks.jobs.job_owners import OwnOrder
 from ..tasks.nights.cut_runs import remove_left
 from ..tasks.nights.early_ends import EarlyEnd
@@ -183,8 +186,8 @@ class PipelineRun:
     """
 
     def __init__(self, wanted: WantedRun, service: Service, listener: ProgressListener) -> None:
-        self._wanted = wanted
         self._checked = checked = with_worlds_found(wanted.checked, service)
+        self._wanted = wanted = replace(wanted, checked=checked)
         self._listener = listener
         self._open = open_run = wanted.open_run
         order = open_run.order if open_run is not None else None
@@ -201,6 +204,9 @@ class PipelineRun:
         )
         against = wanted.against
         self._early = EarlyEnd(against, checked, service, listener, open_run) if against is not None else None
+        self._sabotages = (
+            SabotageNotes(service.catalog, lambda text: listener(Note(text))) if wanted.challenge is not None else None
+        )
         self._answers = KeptAnswers(self._facts.folder, wanted.permit or permit_all)
         self._steps: list[StepRecord] = []
         self._outputs: dict[str, dict[str, Any]] = {}
@@ -235,7 +241,7 @@ class PipelineRun:
         checked = load_spec(text, origin, parameters)
         patience_s = 60.0 * Settings.from_environment(os.environ).store_patience_min
         service = once_catalog_answers(Service.current, patience_s=patience_s)
-        checked = with_worlds_found(checked, service)
+        checked = with_all_found(checked, service)
         remove_left(service)
         check_world_counts(checked, service.settings.max_worlds_per_job)
         check_preconditions(checked, service.patient(checked.name, lambda: False))
@@ -261,6 +267,7 @@ class PipelineRun:
                     failed = not self._run_step(name)
         except BaseException:
             wait_if_ending()
+            self._listener(Note("interrupted: the report is written from what has ended, which may take a minute"))
             self._is_canceled = True  # so that nothing waits for the catalog any more
             self._note_cancelled()
             raise
@@ -356,8 +363,18 @@ class PipelineRun:
         else:
             last = self._run_parts(name, parts)
         duration_s = (self._service.clock() - began).total_seconds()
-        self._listener(StepEnded(name, last.status, duration_s, last.error or last.arn or ""))
+        outcomes, known = self._outcomes(name), bool(self._checked.known)
+        self._listener(StepEnded(name, last.status, duration_s, last.error or last.arn or "", outcomes, known))
         return last.status not in BAD_ENDS
+
+    def _outcomes(self, name: str) -> Mapping[CaseOutcome, int]:
+        """Counts a step's simulation jobs by outcome, for the progress display; empty if the catalog cannot say it."""
+        if self._checked.steps[name].operation not in DRIVES or self._wanted.challenge is not None:
+            return {}
+        arns = [step.arn for step in self._steps if step.arn and name in (step.name, step_of(step.name))]
+        with suppress(RobomakerError):
+            return count_outcomes(job for arn in arns for job in simulation_standings(arn, self._service))
+        return {}
 
     def _run_parts(self, name: str, parts: Sequence[Part]) -> StepRecord:
         """Runs the parts of a step until one fails, and skips the rest; returns the record of the last that ran."""
@@ -369,6 +386,8 @@ class PipelineRun:
             counts, trials = earlier.with_counts(told.counts), earlier.with_trials(told.trials, parts[0].trials)
             total = parts[0].total or told.total
             self._listener(StepProgress(name, counts, total, waits_for=told.waits_for, trials=trials))
+            if self._sabotages is not None:
+                self._sabotages.look(self._outputs[name]["arn"])
 
         ended = [self._run_part(name, parts[0], watch)]
         for part in parts[1:]:
@@ -514,6 +533,6 @@ def _refused(
 def _log(event: ProgressEvent) -> None:
     """Writes the progress of a pipeline to the log of its flow run."""
     if isinstance(event, StepEnded):
-        get_run_logger().info("step %s: %s %s", event.step, event.status, event.detail)
+        get_run_logger().info("step %s: %s", event.step, event.in_log)
     elif isinstance(event, Note):
         get_run_logger().info("%s", event.text)

@@ -1,19 +1,15 @@
 """Default values for members that the service requires, for callers in Python who leave them out.
 
-API clients, the endpoint and specifications have to give these members, as with AWS.
+API clients and the endpoint have to give these members, as with AWS; so have specifications, except for `iamRole`.
 """
 
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
+from ..schemas.roles import LOCAL_ROLE
 from ..schemas.wire.operation_shape import OperationShape
 from ..tasks.service.service import Service
-
-LOCAL_ROLE = "arn:aws:iam::000000000000:role/local"
-"""Role ARN of jobs whose caller gives none; without a roles file it is only recorded, with one it has to be in the
-file.
-"""
 
 _HOUR_S = 3600
 """Duration limit in seconds of jobs whose caller gives none: ten times that of the longest built-in mission."""

@@ -19,6 +19,10 @@ from pydantic import BeforeValidator, Field
 
 from .runs.trials import OF_ALL_TRIALS
 from .wire.base import Model
+from .wire.request_problems import first_words
+
+ONLY_WHERE_MISSED = ("above_floor",)
+"""Names of requirements that jobs have only where they missed them; requests do not name them."""
 
 
 def _read_day(value: object) -> object:
@@ -39,8 +43,9 @@ class KnownMatch(Model):
         default="*",
         min_length=1,
         max_length=300,
-        description="Name of the job in reports or in JUnit, as a pattern: `scout in flat 3*`, `world-3 *`. `*` stands "
-        "for any text, `?` for one character, `[ab]` for one of these; `[*]` is a star itself.",
+        description="Name of the job in reports or in JUnit, or `test` in the latter, as a pattern: "
+        "`scout in flat 3*`, `world-3 *`. `*` stands for any text, `?` for one "
+        "character, `[ab]` for one of these; `[*]` is a star itself.",
     )
     requirement: str = Field(
         min_length=1,
@@ -87,6 +92,9 @@ class ReportedFailures:
 
     missed: tuple[str, ...] | None
     """Names of the requirements that it missed; None: it was not judged."""
+
+    requirements: tuple[str, ...] | None = None
+    """Names of all requirements that it was judged by; None: not known."""
 
 
 def known_failure(job: ReportedFailures, known: Sequence[KnownFailure], day: date) -> KnownFailure | None:
@@ -148,6 +156,20 @@ def _are(names: Sequence[str]) -> str:
     return "is" if len(names) == 1 else "are"
 
 
+def did_not_occur(known: KnownFailure, jobs: Sequence[ReportedFailures]) -> bool:
+    """Returns whether jobs that a known failure is about could all show it, were judged, and none did.
+
+    Args:
+        known: The known failure.
+        jobs: The jobs of a run.
+    """
+    meant = [job for job in jobs if known.is_about(job.names)]
+    missed = {name for job in meant for name in job.missed or ()}
+    if not meant or _other_requirements(known, meant) or any(job.missed is None for job in meant):
+        return False
+    return OF_ALL_TRIALS not in missed and not any(known.covers(job.names, name) for job in meant for name in missed)
+
+
 def idle_failures(jobs: Sequence[ReportedFailures], known: Sequence[KnownFailure], day: date) -> list[str]:
     """Returns a sentence for each known failure that did not occur, is about no job, or whose day is over.
 
@@ -173,13 +195,26 @@ def idle_failures(jobs: Sequence[ReportedFailures], known: Sequence[KnownFailure
                 f"{about} is about no job of this run, as {' or '.join(map(repr, job.names))} is{over}"
                 for job in jobs[:1]
             ]
+        elif others := _other_requirements(each, meant):
+            who = "no job" if each.match.job == "*" else "no such job"
+            told.append(f"{about} marks no failure: {who} has a requirement `{each.match.requirement}`; {others}")
         elif OF_ALL_TRIALS in missed and not occurred:
             told.append(
                 f"{about} marks no failure: a job with trials misses `{OF_ALL_TRIALS}`, whatever its trials missed; "
                 f"`requirement: {OF_ALL_TRIALS}` would cover all of them"
             )
-        elif not occurred and all(job.missed is not None for job in meant):
+        elif did_not_occur(each, meant):
             told.append(f"{about}{was and f'{was} and'} did not occur; if it is mended, remove it from `known`")
         elif is_over:
             told.append(f"{about}{was}; it counts again")
     return told
+
+
+def _other_requirements(known: KnownFailure, jobs: Sequence[ReportedFailures]) -> str:
+    """Says which requirements jobs have if none of them is that of a known failure; else, or if unknown, empty."""
+    if any(job.requirements is None or job.missed is None for job in jobs):
+        return ""
+    names = list(dict.fromkeys(name for job in jobs for name in job.requirements or ()))
+    if any(fnmatchcase(name, known.match.requirement) for name in (*names, *ONLY_WHERE_MISSED)):
+        return ""
+    return f"there are {first_words(names)}" if names else ""

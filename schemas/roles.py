@@ -20,6 +20,11 @@ from .wire.base import Model
 ITSELF = "itself"
 """Value of `assume_role` that means the role ARN of the request itself."""
 
+LOCAL_ROLE = "arn:aws:iam::000000000000:role/local"
+"""Role ARN of jobs whose caller in Python, or whose specification, gives none; without a roles file it is only
+recorded, with one it has to be in the file.
+"""
+
 BLOCK_TYPES = ("aws-credentials", "minio-credentials", "robomaker-credentials")
 """Types of Prefect blocks from which credentials are read; the first two are those of prefect-aws."""
 

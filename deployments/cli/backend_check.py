@@ -21,7 +21,6 @@ def check_backend(settings: Settings) -> Finding:
     Args:
         settings: Settings of a run, with the backend that is examined.
     """
-    from ...flows import lookup
     from ...tasks.jobs.job_owners import OwnOrder
     from ...tasks.operations.registry import call, registry
     from ...tasks.service.service import Service
@@ -30,7 +29,9 @@ def check_backend(settings: Settings) -> Finding:
     subject = f"backend {settings.backend}"
     try:
         service = replace(Service.open(settings), report_note=_tell)
-        use_server(settings)
+        use_server(settings, for_runs=True)
+        from ...flows import lookup  # it imports Prefect, which reads its server's address then
+
         with OwnOrder(service) as own:
             batch = registry()["StartSimulationJobBatch"].ordered(_request(service), own.through, service)["arn"]
             own.keep(batch)

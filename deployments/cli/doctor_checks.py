@@ -306,18 +306,38 @@ def check_video() -> Finding:
 
 
 def check_extras() -> Finding:
-    """Tells which facilities that only some jobs need are here (container engine, ROS, GPU); always `ok`."""
+    """Lists which facilities that only some jobs need are here and which are missing; always `ok`.
+
+    They are a container engine, ROS, a GPU, and the extras of this package.
+    """
+    from ...schemas.extras import extras, how_to_install
     from ...tasks.simulations.containers.engines import find_engine
     from ...tasks.simulations.environment.run_environment import has_gpu
 
+    there: list[str] = []
+    missing: list[str] = []
     try:
-        containers = f"container images by {find_engine(os.environ, shutil.which).program}"
+        there.append(f"container images by {find_engine(os.environ, shutil.which).program}")
     except RobomakerError as error:
-        containers = str(error)
+        missing.append(str(error))
     launchers = [name for name in ("roslaunch", "ros2") if shutil.which(name)]
-    ros = f"ROS launch files by {' and '.join(launchers)}" if launchers else "no ROS launch files"
-    gpu = "a GPU for jobs that ask for one" if has_gpu() else "no GPU"
-    return Finding("extras", "ok", "\n".join((containers, ros, gpu)))
+    if launchers:
+        there.append(f"ROS launch files by {' and '.join(launchers)}")
+    else:
+        missing.append("ROS launch files: neither roslaunch nor ros2 is on the path")
+    (there if has_gpu() else missing).append("a GPU for jobs that ask for one")
+    of_package = extras()
+    lacking = [name for name, is_installed in of_package.items() if not is_installed]
+    if installed := [_extra_in_words(name) for name in of_package if name not in lacking]:
+        there.append(f"extras {', '.join(installed)}")
+    if lacking:
+        named = ", ".join(map(_extra_in_words, lacking))
+        missing.append(f"extras {named}; the first is added by: {how_to_install(lacking[0])}")
+    return Finding("extras", "ok", "\n".join([f"there: {'; '.join(there)}", *(f"missing: {each}" for each in missing)]))
+
+
+def _extra_in_words(name: str) -> str:
+    return f"{name} (bridge to ROS 2 by cyclonedds)" if name == "ros" else name
 
 
 def check_containers(settings: Settings) -> Finding:
@@ -469,7 +489,7 @@ def check_nights(settings: Settings) -> Finding:
         for night in each.missed
         if night.due_at > week
     ]
-    found += _refused_nights(settings, week)
+    found += broken_nights(settings, week)
     paused = [f"{each.name}: its schedule is paused" for each in schedules_of(settings.home) if each.paused_since]
     pools = without_worker(settings)
     waits = [f"{name}: no Prefect worker of the pool {pool} is running" for name, pool in pools]
@@ -480,21 +500,21 @@ def check_nights(settings: Settings) -> Finding:
     return Finding("nights", "ok", "all nights of the last week happened, and a Prefect worker waits for the next")
 
 
-def _refused_nights(settings: Settings, since: datetime) -> list[str]:
-    """Describes runs of scheduled specifications that were refused before their first step since a time.
+def broken_nights(settings: Settings, since: datetime) -> list[str]:
+    """Describes runs of scheduled specifications that broke since a time for a reason that no job has.
 
-    An example: `nightly: refused on 27 November (02:00 UTC): REASON`.
+    An example: `nightly: refused on 27 November (02:00 UTC): REASON`, or `nightly: broken on …: step worlds: REASON`.
     """
     from ...tasks.inspection.run_records import find_records
     from ...tasks.nights.missed_nights import schedules_of
 
     names = dict.fromkeys(each.name for each in schedules_of(settings.home))
     return [
-        f"{name}: refused on {run.started_at.day} {run.started_at:%B} ({run.started_at:%H:%M} UTC): "
-        f"{run.refusal.splitlines()[0]}"
+        f"{name}: {'refused' if run.refusal else 'broken'} on {run.started_at.day} {run.started_at:%B} "
+        f"({run.started_at:%H:%M} UTC): {why.splitlines()[0]}"
         for name in names
         for run in find_records(settings.home / "runs", name, _MOST_MISSED).records
-        if run.refusal and run.started_at > since
+        if (why := run.refusal or run.step_error) and run.started_at > since
     ]
 
 

@@ -126,7 +126,41 @@ ROBOMAKER_CATALOG_URL, ROBOMAKER_BUCKET, ROBOMAKER_MAX_JOBS, PREFECT_API_URL and
 
 first steps:
   robomaker doctor                                     what works on this machine
-  robomaker run deployments/specs/quickstart.yaml      four small simulations and a report"""
+  robomaker run deployments/specs/quickstart.yaml      four small simulations and a report
+  robomaker report latest                              how it went, and why jobs failed
+  robomaker history                                    all runs
+  robomaker call ListSimulationJobs                    the newest jobs; ListWorlds: the newest worlds"""
+
+
+_RUNS, _REASONS = "runs are listed by `robomaker history`", "reasons of failures are in `robomaker report RUN`"
+_LOGS = "logs are in the folder `logs` of a job's outputs, which `robomaker report RUN` links"
+_WORLDS = "`robomaker call ListWorlds` lists worlds"
+_STOP = "Ctrl-C ends a run; `robomaker call CancelSimulationJob` or `CancelSimulationJobBatch` a job or batch"
+_REMOVED = "`robomaker gc` removes runs; `robomaker call DeleteWorldTemplate` and its like what operations made"
+TRIED_WORDS = {
+    **dict.fromkeys(("why", "explain", "failures", "reasons", "cause", "causes"), _REASONS),
+    **dict.fromkeys(("list", "ls", "runs", "status", "ps"), _RUNS),
+    **dict.fromkeys(("job", "jobs"), f"`robomaker call ListSimulationJobs` lists jobs; {_RUNS}"),
+    **dict.fromkeys(("logs", "log", "tail"), _LOGS),
+    **dict.fromkeys(("stop", "cancel", "kill", "abort"), _STOP),
+    **dict.fromkeys(("delete", "remove", "rm", "clean", "prune"), _REMOVED),
+    **dict.fromkeys(
+        ("show", "view", "open"), "`robomaker report RUN` shows a run, `robomaker world show WORLD` a world"
+    ),
+    **dict.fromkeys(("diff",), "two runs are compared by `robomaker compare A B`"),
+    **dict.fromkeys(("start", "simulate", "test"), "a specification is run by `robomaker run SPEC`"),
+    **dict.fromkeys(("check", "lint"), "specifications are checked by `robomaker validate SPEC`"),
+    **dict.fromkeys(("retry", "resume"), "jobs are run again by `robomaker rerun RUN`"),
+    **dict.fromkeys(("replay", "reproduce", "debug"), "a simulation is run again by `robomaker repro JOB`"),
+    **dict.fromkeys(("init", "new"), "`robomaker run deployments/specs/quickstart.yaml` is a first specification"),
+    **dict.fromkeys(("console", "ui", "dashboard"), "the console is a page of `robomaker serve`"),
+    **dict.fromkeys(("worlds", "generate"), f"{_WORLDS}; specifications make them"),
+    **dict.fromkeys(("version",), "`robomaker --version` prints it"),
+    **dict.fromkeys(("help",), "`robomaker --help` lists the commands"),
+}
+"""Words that users try and that are no commands, each with the command that answers."""
+_TRIED_ACTIONS = {("world", word): _WORLDS for word in ("list", "ls")}
+"""Words that users try after a command, each with the command that answers."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -160,6 +194,11 @@ class Parser(argparse.ArgumentParser):
         if match := re.fullmatch(r"argument \S+: invalid choice: '(.*)' \(choose from (.*)\)", message, re.DOTALL):
             choices = re.findall(r"[\w-]+", match[2])
             near = difflib.get_close_matches(match[1], choices, n=1)
+            command = self.prog.rpartition(" ")[2]
+            is_command = message.startswith("argument COMMAND:")
+            known = TRIED_WORDS.get(match[1].lower()) if is_command else _TRIED_ACTIONS.get((command, match[1].lower()))
+            if known:
+                self.exit(2, f"{self.prog}: there is no {match[1]!r}; {known}\n")
             advice = f"did you mean '{near[0]}'?" if near else f"there are {', '.join(choices)}"
             message = f"there is no {match[1]!r}; {advice}"
         self.exit(2, f"{self.prog}: {message}\n{self.format_usage()}")

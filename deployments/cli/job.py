@@ -79,6 +79,7 @@ def _finish(run: "OpenRun", settings: Settings) -> None:
     """Carries an interrupted run to its end, and prints on standard error that it begins and how it ended."""
     from ...flows.pipelines import run_spec
     from ...schemas.reports.progress import Note
+    from ...schemas.reports.run_states import shown_state
     from ...tasks.nights.run_orders import ordered_run
 
     sys.stderr.write(f"robomaker: the run {run.order.run_id} had broken off, and is finished now\n")
@@ -87,7 +88,7 @@ def _finish(run: "OpenRun", settings: Settings) -> None:
         settings,
         lambda event: _logger.warning("%s", event.text) if isinstance(event, Note) else None,
     )
-    sys.stderr.write(f"robomaker: the run {record.run_id}: {record.state}; report: {record.report_path}\n")
+    sys.stderr.write(f"robomaker: the run {record.run_id}: {shown_state(record)}; report: {record.report_path}\n")
 
 
 def order(operation: str, request: Mapping[str, Any], settings: Settings, form: str) -> int:

@@ -115,7 +115,7 @@ def _report(error: Exception, *, debug: bool) -> int:
     if isinstance(error, SpecError):
         from .output.answers import print_problems
 
-        print_problems(error.problems)
+        print_problems(error.problems, error.page)
     elif isinstance(error, ServiceError):
         sys.stderr.write(f"robomaker: {error.code}: {error}\n")
     elif isinstance(error, RobomakerError):

@@ -2,8 +2,8 @@
 
 import json
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from ...schemas.runs.trials import planned_trials
@@ -21,13 +21,13 @@ from ...schemas.specs.specification import (
     variable_of,
 )
 from ...schemas.specs.step_axes import AXES
-from ...schemas.specs.yaml_nodes import ListNode, MappingNode, Node, ScalarNode, child, plain
+from ...schemas.specs.yaml_nodes import ListNode, MappingNode, Node, ScalarNode, child, node_at, plain
 from ...schemas.wire.common import counted
 from ...schemas.wire.errors import SpecError
 from .output.answers import duration
 
 if TYPE_CHECKING:
-    from ...schemas.reports.comparison import PlannedPairs
+    from ...schemas.reports.comparison import AxisPairs, PlannedPairs
     from ...schemas.reports.forecast import Forecast
     from ...tasks.comparison.detection import PlannedTrials
 
@@ -103,6 +103,43 @@ def planned_trials_of(spec: CheckedSpec, steps: Sequence[PlannedStep]) -> "Plann
         return None
     worlds = set[str]().union(*(_worlds(spec.steps[step.step], step.jobs or 0) for step in drives))
     return PlannedTrials(sum(step.trials or 0 for step in drives), len(worlds))
+
+
+def pairs_of_axes(spec: CheckedSpec, steps: Sequence[PlannedStep]) -> "list[AxisPairs]":
+    """Counts the pairs of each axis of a grid, and how many of them the comparison within a run takes at least.
+
+    Axes that the world depends on are left out: they are not compared, or their pairs are of two worlds.
+    """
+    from ...schemas.reports.comparison import AxisPairs
+    from ...tasks.comparison.arms import ALPHA
+    from ...tasks.comparison.statistics.e_processes import fewest_worlds
+    from ...tasks.comparison.statistics.mcnemar import fewest_pairs
+
+    listed = [(step, *each) for step in steps if step.trials for each in _listed_axes(spec.steps[step.step])]
+    least = fewest_pairs(ALPHA / max(1, sum(count - 1 for *_, count in listed)))  # by Holm's method
+    found = []
+    for step, axis, count in listed:
+        pairs, worlds = (step.trials or 0) // count, len(_worlds(spec.steps[step.step], step.jobs or 0))
+        of_worlds = pairs > worlds >= fewest_worlds(ALPHA)
+        units = worlds if of_worlds else pairs
+        found.append(AxisPairs(step=step.step, axis=axis, pairs=units, least=least, of_worlds=of_worlds))
+    return found
+
+
+def _listed_axes(step: CheckedStep) -> list[tuple[str, int]]:
+    """Returns the axes of a step's whole grid with their numbers of values, without those that its world depends on."""
+    requests = child(step.input, "createSimulationJobRequests")
+    construct = axes_of(requests) if requests is not None else None
+    axes = child(construct, AXES) if construct is not None else None
+    if construct is None or not isinstance(axes, MappingNode) or {"include", "exclude"} & construct.entries.keys():
+        return []
+    if (design := child(construct, "design")) is not None and plain(design) != "grid":
+        return []
+    of_world = _names(_world(_written(construct)[0]))
+    values = {name: child(node, "values") for name, node in axes.entries.items() if name not in of_world}
+    return [
+        (name, len(node.items)) for name, node in values.items() if isinstance(node, ListNode) and len(node.items) > 1
+    ]
 
 
 def with_time(needed: "PlannedPairs", forecast: "Forecast", planned: int) -> "PlannedPairs":
@@ -241,12 +278,12 @@ def sum_in_words(steps: Sequence[PlannedStep]) -> str:
     jobs, trials = (sum(getattr(step, key) or 0 for step in driven) for key in ("jobs", "trials"))
     each = {(step.trials or 0) / (step.jobs or 1) for step in driven}
     per_job = each.pop() if len(each) == 1 else 0.0
-    is_equal = per_job > 1 and per_job.is_integer()
-    amount = (
-        f" × {counted(int(per_job), 'trial')} = {counted(trials, 'trial')}"
-        if is_equal
-        else f", {counted(trials, 'trial')}"
-    )
+    if trials == jobs:  # a job without trials counts as one, and is none
+        amount = ""
+    elif per_job.is_integer() and per_job > 1:
+        amount = f" × {counted(int(per_job), 'trial')} = {counted(trials, 'trial')}"
+    else:
+        amount = f", {counted(trials, 'trial')}"
     limits_s = [step.simulated_s for step in driven]
     known_s = [limit_s for limit_s in limits_s if limit_s is not None]
     time = f", at most {duration(math.fsum(known_s))} of simulated time" if len(known_s) == len(driven) else ""
@@ -362,3 +399,117 @@ def _limit(limits_s: Sequence[int]) -> str:
 def after(step: PlannedStep) -> str:
     """Lists the steps that a specification's step depends on, as text; empty if there are none."""
     return f"after {', '.join(step.needs)}" if step.needs else ""
+
+
+_GENERATES = "CreateWorldGenerationJob"
+_REQUESTS = "createSimulationJobRequests"
+_MOST_TRIES = 4
+
+
+def ways_to_more(
+    spec: CheckedSpec,
+    planned_now: "PlannedTrials",
+    needed: "PlannedPairs",
+    answer: "Callable[[PlannedTrials], PlannedPairs]",
+    most_worlds: int,
+) -> list[str]:
+    """Lists which numbers of a specification would give a run enough trials: `drive.seeds 84 instead of 2`.
+
+    Each is changed alone, and the smallest value is named with which the question is answered. Numbers that make no
+    difference, such as seeds where whole worlds decide, are left out.
+
+    Args:
+        spec: The specification.
+        planned_now: Trials of one run, and their worlds.
+        needed: The answer for these.
+        answer: Answers the question for another number of trials and worlds.
+        most_worlds: Worlds that a job may make; for more the setting is named.
+    """
+    found: list[str] = []
+    if not needed.more:
+        return found
+    for step, location, now in _numbers(spec):
+        value = _enough(spec, planned_now, needed, answer, (step, location, now))
+        if value is not None:
+            worlds = value * _worlds_each(spec, step, location)
+            allowed = f" (with ROBOMAKER_MAX_WORLDS_PER_JOB={worlds})" if worlds > most_worlds else ""
+            keys = [key for key in location if key in ("trials", *location[-1:])]
+            found.append(f"{step}.{'.'.join(keys)} {value:,} instead of {now:,}{allowed}")
+    return found
+
+
+def _worlds_each(spec: CheckedSpec, step: str, location: tuple[str, ...]) -> int:
+    """Returns the number of worlds that one more of a number makes: interiors of a floor plan; 0 of seeds."""
+    if location[0] != "worldCount":
+        return 0
+    counts = node_at(spec.steps[step].input, ("worldCount",))
+    return (_number(counts, _COUNTS[1]) if isinstance(counts, MappingNode) else None) or 1
+
+
+def _enough(
+    spec: CheckedSpec,
+    planned_now: "PlannedTrials",
+    needed: "PlannedPairs",
+    answer: "Callable[[PlannedTrials], PlannedPairs]",
+    number: tuple[str, tuple[str, ...], int],
+) -> int | None:
+    """Returns the value of a number of a specification that gives enough trials; `None` if no value found does."""
+    step, location, now = number
+
+    def counted_with(value: int) -> "PlannedTrials | None":
+        changed = replace(spec.steps[step], input=_with_number(spec.steps[step].input, location, value))
+        other = replace(spec, steps={**spec.steps, step: changed})
+        return planned_trials_of(other, planned(other))
+
+    one_more = counted_with(now + 1)
+    if one_more is None:
+        return None
+    gained = (one_more.trials - planned_now.trials, one_more.worlds - planned_now.worlds)
+    value, has = now, planned_now
+    for _ in range(_MOST_TRIES):
+        lacking = (needed.pairs - has.trials, (needed.worlds or 0) - has.worlds)
+        steps = [
+            math.ceil(lack / gain) if gain > 0 else None for lack, gain in zip(lacking, gained, strict=True) if lack > 0
+        ]
+        if not steps:
+            return value
+        if None in steps:
+            return None
+        value += max(each for each in steps if each is not None)
+        if (more := counted_with(value)) is None:
+            return None
+        has, needed = more, answer(more)
+    return None
+
+
+def _numbers(spec: CheckedSpec) -> list[tuple[str, tuple[str, ...], int]]:
+    """Returns the numbers that decide how many trials there are: step, place in its input, and value."""
+    found: list[tuple[str, tuple[str, ...], int]] = []
+    for name in spec.order:
+        step = spec.steps[name]
+        requests = child(step.input, _REQUESTS)
+        if step.operation == _GENERATES:
+            places: list[tuple[str, ...]] = [("worldCount", _COUNTS[0])]
+        elif step.operation == "CreateSimulationJob":
+            places = [("trials", "seeds")]
+        elif requests is not None and made_list_of(requests) is not None:
+            places = [(_REQUESTS, "value", "trials", "seeds")]
+            places = [(_REQUESTS, "seeds"), *places] if axes_of(requests) is not None else places
+        else:
+            places = []
+        for place in places:
+            parent = node_at(step.input, place[:-1])
+            if isinstance(parent, MappingNode):  # seeds are 1 where they are not written
+                now = _number(parent, place[-1]) if place[-1] in parent.entries else 1
+                found += [(name, place, now)] if now else []
+    return found
+
+
+def _with_number(node: Node, location: tuple[str, ...], value: int) -> Node:
+    """Returns a node with another number at a location below it."""
+    if not location:
+        return ScalarNode(node.place, value, str(value))
+    if not isinstance(node, MappingNode):
+        return node
+    below = _with_number(node.entries.get(location[0], node), location[1:], value)
+    return replace(node, entries={**node.entries, location[0]: below})

@@ -26,7 +26,9 @@ SHELL_SETUP = 'eval "$(robomaker server env)"'
 
 
 def use_server(settings: Settings, *, for_runs: bool = False) -> str:
-    """Finds or starts the Prefect server; has to be called before Prefect is imported.
+    """Finds or starts the Prefect server, and makes Prefect in this process use it.
+
+    Call it before Prefect is imported, so that Prefect's log lines are hidden, too.
 
     Args:
         settings: The data home's.
@@ -59,6 +61,10 @@ def _use(url: str, settings: Settings) -> None:
         # Our own progress tells what happens; Prefect's lines go to its server only.
         os.environ.setdefault("PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL", "CRITICAL")
         os.environ.setdefault("PREFECT_INTERNAL_LOGGING_LEVEL", "CRITICAL")
+    if "prefect" in sys.modules:  # it reads the variables only when it is imported
+        from prefect.context import refresh_global_settings_context
+
+        refresh_global_settings_context()
 
 
 def _import_runs(url: str, settings: Settings) -> None:

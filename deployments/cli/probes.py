@@ -6,7 +6,6 @@ import resource
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from ...flows.pipelines import run_spec
 from ...schemas.reports.forecast import Forecast, Places
 from ...schemas.reports.progress import Note, ProgressEvent, ProgressListener, StepEnded, StepStarted
 from ...schemas.reports.run_record import RunRecord
@@ -107,6 +106,8 @@ def run_pass(
         ProbeFailedError: The pass failed or was cancelled.
         RunInterrupted: Ctrl-C was pressed.
     """
+    from ...flows.pipelines import run_spec  # it imports Prefect, which reads its server's address then
+
     quiet = settings.model_copy(update={"notify": ()})
     service = Service.open(quiet)
     named = replace(spec, name=f"{spec.name[:_LONGEST_NAME]}-probe")

@@ -137,7 +137,7 @@ def _run_server(
         url = _url(arguments, port)
         facts = {"url": url, "console_url": f"{url}{HOME}", "pid": os.getpid(), **about}
         _announce(facts, settings, signed=access_keys is not None, form=arguments.output)
-        note_console(settings.home, facts["console_url"])
+        note_console(settings.home, facts["console_url"], facts["prefect_url"])
         if variables is not None:
             look_for_missed = partial(_look_for_missed, settings)
             TakingUp(settings, variables, tell=_tell_of_left, look_for_missed=look_for_missed).start()

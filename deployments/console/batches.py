@@ -2,21 +2,23 @@
 
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cache, cached_property
+from itertools import islice
 from typing import Any
 
 from markupsafe import Markup, escape
 from starlette.responses import Response
 
-from ...schemas.documents.simulation_jobs import BatchInBrief
+from ...schemas.documents.simulation_jobs import BatchInBrief, FailedRequest
 from ...schemas.job_owners import JobStanding
 from ...schemas.lifecycles import is_terminal
 from ...schemas.reports.names import with_id
 from ...schemas.reports.report import Share
 from ...schemas.reports.run_record import RunRecord
+from ...schemas.runs.programs import StopReason
 from ...tasks.catalog import Resource
 from ...tasks.jobs.job_owners import standing_of
 from ...tasks.reporting.outcomes import times_by_part
@@ -38,11 +40,12 @@ _MOST_POSTERS = 12
 _LOOKED_AT = 200
 """Number of the newest batches that are searched for those of a run."""
 
+_NEVER_BEGUN = (StopReason.BATCH_CANCELED, StopReason.BATCH_TIMED_OUT)
+"""Failure codes of requests that were not refused: their batch ended before they began."""
 _EVERY_S = 1.0
 _BROKEN = Look("broken", "not created")
-_SUCCEEDED = Look("passed", "succeeded")
 _ENDED = {
-    "Completed": _SUCCEEDED,
+    "Completed": Look("passed", "succeeded"),
     "Failed": Look("broken", "broken"),
     "Canceled": Look("canceled", "canceled"),
     "TimedOut": Look("unfinished", "timed out"),
@@ -118,6 +121,8 @@ class BatchView:
     """Name of the specification that ordered the batch; empty if no run did."""
     concurrency: int
     reason: str
+    refused: Mapping[int, FailedRequest]
+    """Requests that were refused, so that no job was made of them, by number."""
     standing: JobStanding | None
     """Process that runs a batch; `None`: no process has begun."""
 
@@ -280,6 +285,8 @@ def _look(batch: Resource, verdicts: dict[str, int] | None, total: int, record: 
             return Look("broken", "broken")
         if verdicts.get("FAIL") and not has_known_failures_only(batch.arn, record):
             return Look("failed", "failed")
+        if verdicts == {"PASS": total}:
+            return Look("passed", "passed")
     return _ENDED.get(batch.status) or look_of_status(BATCH, batch.status)
 
 
@@ -317,6 +324,11 @@ def _view(batch: Resource, visit: Visit) -> BatchView:
         run_name=run_name(run_id, record),
         concurrency=document.batch_policy.max_concurrency,
         reason=document.failure_reason or "",
+        refused={
+            number: each
+            for place, each in document.failed.items()
+            if (number := int(place) + 1) not in by_number and each.failure_code not in _NEVER_BEGUN
+        },
         standing=standing_of(batch, visit.service),
     )
 
@@ -336,5 +348,7 @@ def _parts_of(view: BatchView, visit: Visit) -> dict[str, Any]:
         "view": view,
         "failures": failures[:_MOST_SHOWN],
         "more_failures": len(failures) - _MOST_SHOWN,
+        "refused_requests": dict(islice(view.refused.items(), _MOST_SHOWN)),
+        "more_refused": len(view.refused) - _MOST_SHOWN,
         "posters": visit.context.posters.of(failures[:_MOST_POSTERS]),
     }

@@ -24,7 +24,7 @@ from ...tasks.reporting import view_report
 from ...tasks.reporting.drawings.plan import draw_bare_path, draw_job_plan
 from ...tasks.reporting.drawings.svg_writing import Frame
 from ...tasks.reporting.drawings.trajectory import finite_path
-from ...tasks.reporting.outcomes import plain, times_by_part, times_with_videos
+from ...tasks.reporting.outcomes import plain, times_by_part, times_with_videos, why_no_video_of_trial
 from ...tasks.reporting.report_view import Page
 from ...tasks.simulations.outputs.upload_files import visit_matches
 from ..endpoint.origins import is_loopback
@@ -211,16 +211,16 @@ def _no_video(document: SimulationJobDocument, timeline: JobTimeline | None) -> 
     result = timeline and timeline.result
     if result is not None and (problem := result.extra.get("video_error")):
         return f"No video could be made: {plain(str(problem))}."
-    how = "`video: always` in the request makes one of every run."
+    how = "`video: on-failure` in the request makes one of each run that fails, `video: always` one of every run."
+    if timeline is not None and timeline.trial is not None:
+        how = "" if document.video == "always" else " `video: always` in the request makes one of every recorded trial."
+        why = why_no_video_of_trial(document.video, "" if result is None else result.verdict)
+        return f"There is no video of trial {timeline.trial}: {why}.{how}"
     if document.video == "none":
         return f"There is no video: the request asks for none. {how}"
     if document.video == "on-failure" and result is not None and result.verdict == "PASS":
-        return f"There is no video: the request asks for one of failures only (`video: on-failure`). {how}"
-    if timeline is not None and timeline.trial is not None:
-        return (
-            f"There is no video of trial {timeline.trial}: only the first trials that do not pass have one, as many as "
-            f"`record_failed` says. `video: always` in the request makes one of every recorded trial."
-        )
+        asked = "There is no video: the request asks for one of failures only (`video: on-failure`)."
+        return f"{asked} `video: always` makes one of every run."
     return "There is no video: none is stored."
 
 

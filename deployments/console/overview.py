@@ -15,10 +15,10 @@ from ...schemas.wire.errors import ConfigurationError
 from ...tasks.catalog import Resource
 from ...tasks.service.references import jobs_meant, name_of, worlds_meant
 from .batches import BATCH, batch_lines
-from .job_states import JOB, Look, job_line, look_of_status
+from .job_states import JOB, RUNNING, Look, job_line, look_of_status
 from .pages.failures import failure_groups
 from .rendering import FOLDERS, HOME, address, render
-from .run_records import RecordOf, SeenRecords, is_known
+from .run_records import RecordOf, SeenRecords, going_runs, is_known, record_of, run_name, runs_in_need
 from .runs import latest_runs, since_before
 from .streams import Parts
 from .visit import Visit
@@ -71,6 +71,8 @@ def follow(visit: Visit) -> Response:
 def _now(visit: Visit) -> dict[str, Any]:
     found = _open(visit)
     return {
+        "going": {run_id: run_name(run_id, None) for run_id in going_runs(visit)},
+        "running": RUNNING,
         "batches": batch_lines((each for each in found if each.kind == BATCH), visit),
         "jobs": [job_line(each) for each in found if each.kind == JOB],
         "others": [
@@ -90,11 +92,13 @@ def _open(visit: Visit) -> list[Resource]:
 
 
 def _failures(visit: Visit, record_of_run: RecordOf | None = None) -> dict[str, Any]:
-    groups = failure_groups(visit, record_of_run)
+    record = record_of_run or (lambda run_id: record_of(run_id, visit))
+    groups = failure_groups(visit, record)
     # Those of the newest runs first: failures of earlier ones must not take their places.
     shown = sorted((each for each in groups if not each.known), key=lambda each: each.is_past)[:_MOST_FAILURES]
-    known = [each for each in groups if each.known][:_MOST_FAILURES]
+    known = sorted((each for each in groups if each.known), key=lambda each: each.is_past)[:_MOST_FAILURES]
     return {
+        "in_need": runs_in_need(visit, record),
         "groups": [*shown, *known],
         "more_groups": len(groups) - len(shown) - len(known),
         "posters": visit.context.posters.of(each.newest for each in groups),

@@ -1,6 +1,7 @@
 """Renders the console's templates, style and script, which extend those of reports, so that all pages look alike."""
 
 import hashlib
+import re
 from collections.abc import Callable
 from datetime import UTC, datetime
 from functools import cache
@@ -9,8 +10,10 @@ from typing import Any
 from urllib.parse import quote
 
 import jinja2
+from markupsafe import Markup, escape
 
 from ...schemas.reports.changes import SinceLastRun
+from ...schemas.reports.run_states import shown_state
 from ...schemas.wings import parts_of_wings
 from ...tasks.reporting import outcomes, page_environment, page_script, page_styles
 
@@ -106,11 +109,21 @@ def since_briefly(since: SinceLastRun) -> str:
     return ", ".join(told) or "no verdict changed"
 
 
+def breakable(text: str) -> Markup:
+    """Returns a text as HTML in which a long word, such as a failure code, may break before its capitals."""
+    broken = _LONG_WORD.sub(lambda word: _INNER_CAPITAL.sub("<wbr>", word[0]), str(escape(text)))
+    return Markup(broken)  # noqa: S704 - it is escaped
+
+
+_LONG_WORD, _INNER_CAPITAL = re.compile("[A-Za-z]{16,}"), re.compile("(?<=[a-z])(?=[A-Z])")
+
+
 @cache
 def _environment() -> jinja2.Environment:
     folders = (folder for part in _OF_WINGS for folder in part.TEMPLATES)
     environment = page_environment(_FOLDER / "templates", *folders)
     environment.auto_reload = False  # or each part of a page is looked for on the disk, each time
-    environment.filters.update(ago=ago, size=outcomes.size, since_briefly=since_briefly)
+    environment.filters.update(ago=ago, size=outcomes.size, since_briefly=since_briefly, shown_state=shown_state)
+    environment.filters.update(breakable=breakable)
     environment.globals.update(HOME=HOME, MENU=MENU, address=address, asset_address=asset_address)
     return environment

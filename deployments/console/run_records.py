@@ -6,11 +6,16 @@ import time
 from collections.abc import Callable, Mapping
 from functools import cache, lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
-from ...schemas.reports.run_record import JobRecord, RunRecord
+from ...schemas.reports.challenge import Challenge
+from ...schemas.reports.names import began
+from ...schemas.reports.run_record import CUT_SHORT, JobRecord, RunRecord
+from ...schemas.reports.run_states import counts_in_words
 from ...schemas.specs.batch_splitting import step_of
 from ...schemas.wire.errors import ConfigurationError
-from ...tasks.inspection.run_records import RECORD_NAME, read_record
+from ...tasks.inspection.run_records import RECORD_NAME, is_night, read_record
+from ...tasks.nights.open_runs import is_going
 from ...tasks.reporting import classify
 from ..spec_runs.spec_runs import read_standing
 from .visit import Visit
@@ -19,6 +24,10 @@ RecordOf = Callable[[str], RunRecord | None]
 
 _TIME_IN_RUN = re.compile(r"-\d{8}T\d+$")
 
+_MOST_PROBED = 20
+"""Newest runs of a specification among which its newest night is looked for: probes and reruns come between."""
+_MOST_GOING = 5
+"""Newest runs of a specification among which those that go on are looked for."""
 _SEEN_FOR_S = 60.0
 """Seconds after which a page that is followed asks again whether a run may be seen: changed tags count by then."""
 
@@ -68,6 +77,100 @@ def record_of(run_id: str, visit: Visit) -> RunRecord | None:
         return None
     path = place_of(run_id, visit)
     return read_kept(path, path.stat().st_mtime_ns)
+
+
+class RunInNeed(NamedTuple):
+    """A run that somebody has to look at although none of its jobs tells why."""
+
+    run: RunRecord
+    reason: str
+    """Sentence without full stop on what is wrong with it."""
+
+
+def runs_in_need(visit: Visit, record_of_run: RecordOf) -> list[RunInNeed]:
+    """Returns the newest runs and challenges of specifications that are wrong for a reason which no job has.
+
+    They were refused, ran out of time, failed at a step without jobs, or left sabotages unnoticed.
+
+    Args:
+        visit: The visit.
+        record_of_run: Returns the record of a run that the visitor may see.
+    """
+    found: list[RunInNeed] = []
+    folder = visit.service.settings.home / "runs"
+    for ids in _ids_by_name(folder, folder.stat().st_mtime_ns) if folder.is_dir() else ():
+        newest: dict[str, tuple[str, str]] = {}
+        for run_id in ids[:_MOST_PROBED]:
+            path = place_of(run_id, visit)
+            kind, reason = _need_of(path, path.stat().st_mtime_ns) if path.is_file() else ("", "")
+            newest.setdefault(kind, (run_id, reason))
+        for kind, (run_id, reason) in newest.items():
+            if kind and reason and (record := record_of_run(run_id)) is not None:
+                found.append(RunInNeed(record, reason))
+    return sorted(found, key=lambda each: each.run.started_at, reverse=True)
+
+
+def going_runs(visit: Visit) -> list[str]:
+    """Returns the ids of the runs that go on in this data home and that the visitor may see, the latest first.
+
+    Only the newest runs of each specification are looked at: its runs follow each other.
+    """
+    folder = visit.service.settings.home / "runs"
+    names = _ids_by_name(folder, folder.stat().st_mtime_ns) if folder.is_dir() else ()
+    found = [run_id for ids in names for run_id in ids[:_MOST_GOING] if _is_going(run_id, visit)]
+    return sorted(found, key=began, reverse=True)
+
+
+def _is_going(run_id: str, visit: Visit) -> bool:
+    path = place_of(run_id, visit)
+    if path.is_file() or not is_going(path.parent):
+        return False
+    standing = None if visit.sees_all else read_standing(path.parent)
+    is_own = standing is not None and visit.key is not None and standing.key_id == visit.key.id
+    return visit.sees_all or is_own
+
+
+@lru_cache(maxsize=8192)
+def _need_of(path: Path, changed_at: int) -> tuple[str, str]:
+    """Returns whether a record is of a `night` or a `challenge`, and what is wrong with it that none of its jobs tells.
+
+    The first page asks every two seconds for many runs, more than records are kept, each of which takes milliseconds.
+    """
+    record = read_kept(path, changed_at)
+    if record is None or not (is_night(record) or record.challenge is not None):
+        return "", ""
+    return "night" if is_night(record) else "challenge", _reason_without_job(record)
+
+
+def _reason_without_job(record: RunRecord) -> str:
+    """Returns what is wrong with a run that none of its jobs tells; empty: nothing is, or a job tells it."""
+    if record.refusal is not None:
+        return record.refused_in_words
+    if record.challenge is not None:
+        is_well = record.challenge.is_passed or record.state in CUT_SHORT
+        return "" if is_well else _challenge_in_words(record.challenge)
+    if record.state == "timed out":
+        told = counts_in_words(record.jobs)
+        return f"ran out of time: {told}" if told else "ran out of time"
+    return record.step_error
+
+
+def _challenge_in_words(challenge: Challenge) -> str:
+    unnoticed = [each.name for each in challenge.sabotages if each.is_open] if challenge.showing else []
+    names = f"; unnoticed: {', '.join(unnoticed)}" if unnoticed else ""
+    return f"challenge: {challenge.headline}{names}"
+
+
+@lru_cache(maxsize=4)
+def _ids_by_name(folder: Path, _changed_ns: int) -> tuple[tuple[str, ...], ...]:
+    """Returns the ids of runs by specification, the latest first; the folder is read again once a run came or went.
+
+    The first page asks every two seconds, and thousands of folders take a tenth of a second.
+    """
+    found: dict[str, list[str]] = {}
+    for run_id in sorted((path.name for path in folder.iterdir()), reverse=True):
+        found.setdefault(run_id.rpartition("-")[0], []).append(run_id)
+    return tuple(map(tuple, found.values()))
 
 
 class SeenRecords:

@@ -23,7 +23,7 @@ from ...tasks.reporting import classify, view_why
 from ..spec_runs.spec_runs import Standing
 from .batches import batches_of_run
 from .rendering import HOME
-from .run_records import is_known, place_of, read_kept, record_of, run_name, sees_run
+from .run_records import going_runs, is_known, place_of, read_kept, record_of, run_name, sees_run
 from .visit import Visit
 
 _MOST_LATEST = 5
@@ -49,14 +49,14 @@ def show_all(visit: Visit, going: Mapping[str, Standing]) -> Response:
 
 
 def show(visit: Visit) -> Response:
-    """Web page of one run: changes, batches, and jobs, failures first; of a run that still goes on only its batches.
+    """Web page of one run: changes, batches, and jobs, failures first; of a run that goes on only its batches.
 
     Raises ResourceNotFoundException if the visitor may see no such run, ConfigurationError if its record cannot be
     read.
     """
     run_id = visit.request.path_params["id"]
     batches = batches_of_run(run_id, visit)
-    if batches and not is_known(run_id, visit):
+    if not is_known(run_id, visit) and (batches or run_id in going_runs(visit)):
         return visit.page("open_run.html.j2", run_id=run_id, name=run_name(run_id, None), batches=batches)
     record = find_record(visit)
     jobs = sorted(record.jobs, key=lambda job: classify(job.status, job.failure_code, job.verdict).rank)
@@ -77,7 +77,7 @@ def show(visit: Visit) -> Response:
         job_names={job.label: job.title for job in record.jobs},
         has_report=_path(visit).with_name("report.html").is_file(),
         others=others,
-        before=_run_before(record, others, since),
+        before=_run_before(record, [other.run_id for other in others], since),
         axes=axes_of(record.jobs),
         most_values=_MOST_VALUES,
     )
@@ -89,14 +89,14 @@ def _links_of_gone(since: SinceLastRun | None) -> dict[str, str]:
     return {loss.job: f"{HOME}/jobs/{quote(loss.job)}" for loss in gone if is_id(loss.job)}
 
 
-def _others(record: RunRecord, visit: Visit) -> list[str]:
-    """Returns the ids of other nights of the specification that the visitor may see, the newest first."""
+def _others(record: RunRecord, visit: Visit) -> list[RunRecord]:
+    """Returns other nights of the specification with jobs that the visitor may see, the newest first."""
     ids = ids_of_runs(visit.service.settings.home / "runs", record.name)
     others = [run_id for run_id in ids if run_id != record.run_id]
     if not visit.sees_all:
         others = others[:_MOST_OTHERS_SEEN]
     found = (other for run_id in others if (other := record_of(run_id, visit)) is not None)
-    return [other.run_id for other in islice(filter(is_night, found), _MOST_OTHERS)]
+    return list(islice((other for other in found if other.jobs and is_night(other)), _MOST_OTHERS))
 
 
 def _run_before(record: RunRecord, others: Sequence[str], since: SinceLastRun | None) -> str:
@@ -108,8 +108,8 @@ def _run_before(record: RunRecord, others: Sequence[str], since: SinceLastRun | 
 
 
 def since_before(record: RunRecord, visit: Visit) -> SinceLastRun | None:
-    """Compares a run with the one before it; `None` for reruns and confined visitors."""
-    if not visit.sees_all:
+    """Compares a run with the one before it; `None` for reruns, refused runs and confined visitors."""
+    if not visit.sees_all or record.refusal is not None:
         return None
     return _since(place_of(record.run_id, visit), visit.service.settings.home / "runs")
 
@@ -127,17 +127,26 @@ def send_report(visit: Visit) -> Response:
 
 def _with_own_links(report: str, record: RunRecord) -> str:
     """Returns a report whose links to local files, which browsers cannot open, lead to the jobs' pages instead."""
-    jobs = {job.output_uri.rstrip("/"): job.arn.rpartition("/")[2] for job in record.jobs if job.output_uri and job.arn}
+    # The last two parts are the ids of job and run: the home may have been moved since the report was written.
+    jobs = {
+        _end_of(job.output_uri.rstrip("/")): job.arn.rpartition("/")[2]
+        for job in record.jobs
+        if job.output_uri and job.arn
+    }
 
     def own(found: re.Match[str]) -> str:
         uri = unescape(found[1])
         places = [(uri[:end], uri[end + 1 :]) for end, letter in enumerate(uri) if letter == "/"]
         for place, name in places:
-            if place in jobs:
-                return f'href="{HOME}/jobs/{quote(jobs[place])}/files/{quote(unquote(name))}"'
+            if (job := jobs.get(_end_of(place))) is not None:
+                return f'href="{HOME}/jobs/{quote(job)}/files/{quote(unquote(name))}"'
         return f'data-place="{found[1]}"'
 
     return _FILE_LINK.sub(own, report)
+
+
+def _end_of(place: str) -> str:
+    return "/".join(place.split("/")[-2:])
 
 
 def latest_runs(visit: Visit) -> list[RunRecord]:

@@ -10,10 +10,9 @@ from ...schemas.operations.registry import OPERATIONS
 from ...schemas.specs.parameters import Parameter
 from ...schemas.specs.specification import CheckedSpec
 from ...schemas.specs.yaml_nodes import plain
-from ...schemas.wire.errors import BucketNotFoundError, ConfigurationError
+from ...schemas.wire.errors import ConfigurationError
 from ...tasks.backends.backend import JOB_WORKER_FLOW
 from ...tasks.operations.registry import Operation, registry
-from ...tasks.storage import ObjectStore
 
 _PACKAGE = "python://"
 
@@ -40,29 +39,6 @@ def needs_of(spec: CheckedSpec) -> list[Need]:
     """Lists the needs of a specification's steps, as far as known before the run."""
     found = [Need(name, uri) for name in spec.order for uri in _uris(plain(spec.steps[name].input))]
     return list({need.uri: need for need in reversed(found)}.values())[::-1]
-
-
-def missing_objects(needs: list[Need], store: ObjectStore) -> list[Need]:
-    """Returns the needs whose object does not exist in the object store.
-
-    Raises:
-        StorageError: The store does not answer.
-    """
-    missing = []
-    for need in needs:
-        if need.uri.startswith("s3://"):
-            bucket, _, key = need.uri.removeprefix("s3://").partition("/")
-            if not _is_there(store, bucket, key):
-                missing.append(need)
-    return missing
-
-
-def _is_there(store: ObjectStore, bucket: str, key: str) -> bool:
-    """Whether an object exists, or one whose key begins so: data sources name prefixes, too; false without a bucket."""
-    try:
-        return next(iter(store.list(bucket, key)), None) is not None
-    except BucketNotFoundError:
-        return False
 
 
 def _uris(value: Any) -> Iterator[str]:

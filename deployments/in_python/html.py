@@ -51,6 +51,12 @@ def line(text: str) -> Markup:
     return Markup('<div style="white-space:pre-wrap">{}</div>').format(text) if text else Markup("")
 
 
+def folded(summary: str, text: str) -> Markup:
+    """Makes HTML of a text that is shown when its summary is opened; nothing for an empty one."""
+    whole = Markup('<details><summary style="cursor:pointer">{}</summary>{}</details>')
+    return whole.format(summary, line(text)) if text else Markup("")
+
+
 def table(columns: Sequence[str], rows: Sequence[Sequence[str | Markup]], left_out: str = "") -> Markup:
     """Makes a table that scrolls sideways on a narrow page; nothing where there are no rows.
 

@@ -10,9 +10,9 @@ from markupsafe import Markup
 
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.documents.worlds import StoredPlace
-from ...schemas.reports.run_record import CaseOutcome, JobRecord
-from ...schemas.reports.run_states import case_outcome
+from ...schemas.reports.run_record import CaseOutcome, JobRecord, case_outcome
 from ...schemas.runs.plan import Requirement, RunResult, Verdict
+from ...schemas.wire.common import counted
 from ...schemas.wire.errors import ObjectNotFoundError, ResourceNotFoundException, RobomakerError
 from ...schemas.wire.request_problems import first_words, nearest
 from ...tasks.comparison.compared_runs import TRIALS
@@ -20,7 +20,8 @@ from ...tasks.runtime.episode.run_results import RESULT_FILE
 from ...tasks.service.service import Service
 from ...tasks.storage import read_manifest
 from ...tasks.storage.object_store import join_key
-from .html import badge, card, line, table
+from .html import badge, card, folded, line, table
+from .rows import NamedValues
 from .worlds import World
 
 
@@ -82,15 +83,18 @@ class Job:
     def outputs(self) -> dict[str, str]:
         """Addresses of its output files by name, `file:///…` or `s3://…`; empty while nothing is stored.
 
+        A name that it lacks raises an `UnknownNameError`, a `KeyError` that has the names.
+
         Raises:
             ResourceNotFoundException: The job was deleted.
             StorageError: The object store does not answer.
         """
         place = self._place
         if place is None:
-            return {}
+            return NamedValues("output", {})
         store = self._service.store
-        return {name: store.uri(place.bucket, join_key(place.prefix, name)) for name in self._names(place)}
+        uris = {name: store.uri(place.bucket, join_key(place.prefix, name)) for name in self._names(place)}
+        return NamedValues("output", uris)
 
     def result(self) -> RunResult:
         """Reads the job's `result.json`: verdict, requirements, metrics, rooms, collisions and path.
@@ -163,17 +167,17 @@ class Job:
             for each in self.record.requirements
         ]
         try:
-            names = ", ".join(sorted(self.outputs))
+            outputs = folded(counted(len(self.outputs), "output"), "\n".join(sorted(self.outputs)))
         except RobomakerError as error:
-            names = f"not known: {error}"
-        facts = [("world", self.world.name if self.world else ""), ("outputs", names)]
+            outputs = line(f"outputs not known: {error}")
         return str(
             card(
                 self.title,
                 self.outcome,
                 line(self.reason),
-                table((), [fact for fact in facts if fact[1]]),
                 table(("requirement", "outcome", "detail", ""), requirements),
+                table((), [("world", self.world.name)] if self.world else []),
+                outputs,
                 self.world.drawing() if self.world else Markup(""),
                 own_id=self.id,
             )

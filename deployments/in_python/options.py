@@ -28,9 +28,26 @@ class RunOptions:
     shows_progress: bool = True
     """Whether progress is shown on standard error."""
 
+    def __post_init__(self) -> None:
+        """Refuses values that no run could have.
+
+        Raises:
+            ConfigurationError: An option has an invalid value; the message names it and says what would be right.
+        """
+        for option in ("reuse", "shows_progress"):
+            if not isinstance(value := getattr(self, option), bool):
+                raise ConfigurationError(f"{option} is {value!r}; True or False would be right")
+        if self.name is not None:
+            spec_name(_text(self.name, "name", "letters, digits, - and _"), "name")
+        if self.backend is not None:
+            _check_backend(_text(self.backend, "backend", "a text such as 'local'"))
+        _seed(self.seed)
+        if self.report is not None:
+            _path(self.report, "report", "the path of a file")
+
 
 def checked_options(given: Any) -> RunOptions:
-    """Validates the options of a run.
+    """Returns the options of a run as it needs them; the file of the report may be wrong only now.
 
     Args:
         given: The second argument of `run`; None: none were given.
@@ -45,13 +62,6 @@ def checked_options(given: Any) -> RunOptions:
         return RunOptions()
     if not isinstance(given, RunOptions):
         raise ConfigurationError(f"options is {given!r}; RunOptions(seed=7), with the options by name, would be right")
-    for option in ("reuse", "shows_progress"):
-        if not isinstance(value := getattr(given, option), bool):
-            raise ConfigurationError(f"{option} is {value!r}; True or False would be right")
-    if given.name is not None:
-        spec_name(_text(given.name, "name", "letters, digits, - and _"), "name")
-    if given.backend is not None:
-        _check_backend(_text(given.backend, "backend", "a text such as 'local'"))
     return replace(given, seed=_seed(given.seed), report=_report(given.report))
 
 

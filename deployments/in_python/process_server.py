@@ -34,7 +34,6 @@ def server_of_process(settings: Settings) -> str:
             os.environ.pop(name, None)
     url = use_server(settings, for_runs=True)
     _chosen.add(url)
-    _tell_prefect()
     return url
 
 
@@ -45,13 +44,6 @@ def _known_to_prefect() -> str | None:
     from prefect.settings import PREFECT_API_URL
 
     return PREFECT_API_URL.value()
-
-
-def _tell_prefect() -> None:
-    """Makes Prefect read the environment variables again, as it reads them only when it is imported."""
-    from prefect.context import refresh_global_settings_context
-
-    refresh_global_settings_context()
 
 
 @contextmanager

@@ -2,17 +2,39 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Never, TypeVar
 
 from pydantic import TypeAdapter
 
 from ...schemas.reports.run_record import CaseOutcome
 from ...schemas.runs.axis_kinds.kind import Value
 from ...schemas.runs.plan import Requirement, Verdict
+from ...schemas.wire.errors import UnknownNameError
+from ...schemas.wire.request_problems import first_words, nearest
 from ...tasks.results.columns import named
 
 if TYPE_CHECKING:
     import pyarrow as pa
+
+_Value = TypeVar("_Value")
+
+
+class NamedValues(dict[str, _Value]):
+    """Dictionary of results by name, whose error about a name that it lacks has the names that it has."""
+
+    def __init__(self, noun: str, values: Mapping[str, _Value]) -> None:
+        super().__init__(values)
+        self._noun = noun
+
+    def __missing__(self, name: str) -> Never:
+        """Raises an error about a name without a value.
+
+        Raises:
+            UnknownNameError: Always.
+        """
+        there = f"there are {first_words(sorted(self))}" if self else "there are none"
+        raise UnknownNameError(f"there is no {self._noun} {name!r}{nearest(str(name), self)}; {there}")
+
 
 _REQUIREMENTS = TypeAdapter(list[Requirement])
 
@@ -67,7 +89,7 @@ def rows_of(table: "pa.Table") -> list[ResultRow]:
 
 
 def _row_of(found: Mapping[str, Any]) -> ResultRow:
-    metrics = named(found, "metric.")
+    metrics = NamedValues("metric", named(found, "metric."))
     return ResultRow(
         step=found["step"] or "",
         test=found["test"] or "",
@@ -86,7 +108,7 @@ def _row_of(found: Mapping[str, Any]) -> ResultRow:
         sim_time_s=metrics.get("sim_time_s") if found["trial"] is None else found["sim_time_s"],
         wall_time_s=found["wall_time_s"] or 0.0,
         output=found["output"],
-        axes=named(found, "axis."),
+        axes=NamedValues("axis", named(found, "axis.")),
         metrics=metrics,
         requirements=_REQUIREMENTS.validate_json(found["requirements"] or "[]"),
     )

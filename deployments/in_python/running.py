@@ -4,19 +4,20 @@ import os
 import shutil
 import sys
 from contextlib import nullcontext
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 from ...schemas.reports.progress import Note, ProgressEvent
 from ...schemas.specs.parameter_values import set_options
 from ...schemas.specs.specification import CheckedSpec, with_seed
+from ...schemas.wire.errors import Problem, SpecError
 from ...tasks.nights.run_standings import stand_of
 from ...tasks.nights.wanted_runs import WantedRun
 from ...tasks.service.service import Service
 from ..cli.inputs.specifications import read_spec
 from ..cli.output.progress import watcher
-from ..cli.pipelines import check_before_start, run_beside_others
 from ..cli.prefect_server import tell_after_outage, waiting_for_server
+from ..cli.specification_run import check_before_start, run_beside_others
 from .options import RunOptions, checked_options, spec_file
 from .process_server import quiet_prefect, server_of_process
 from .runs import Run
@@ -63,10 +64,22 @@ def run(spec: str | os.PathLike[str], options: RunOptions | None = None, /, **pa
 
 
 def _chosen(file: str, options: RunOptions, parameters: dict[str, Any]) -> CheckedSpec:
-    spec = read_spec(file, parameters)
+    try:
+        spec = read_spec(file, parameters)
+    except SpecError as error:
+        raise SpecError([_with_option(each, parameters) for each in error.problems], error.notes) from error
     if options.name is not None:
         spec = replace(spec, name=options.name)
     return spec if options.seed is None else with_seed(spec, options.seed)
+
+
+def _with_option(problem: Problem, parameters: dict[str, Any]) -> Problem:
+    """Returns a problem; one about an option of runs that is given as a parameter says how options are given."""
+    for name in (option.name for option in fields(RunOptions) if option.name in parameters):
+        if problem.message.startswith(f"there is no parameter {name!r}"):
+            words = f"{problem.message}; {name} is an option of runs: RunOptions({name}={parameters[name]!r})"
+            return replace(problem, message=words)
+    return problem
 
 
 def _again(file: str, spec: CheckedSpec, options: RunOptions) -> list[str]:

@@ -7,6 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
+from ...schemas.extras import how_to_add
 from ...schemas.reports.causes import Why
 from ...schemas.reports.names import short_name, unique_world_names
 from ...schemas.reports.run_record import CaseOutcome, JobRecord, RunRecord
@@ -168,13 +169,15 @@ class Run:
         """Returns the table of results as a data frame of pandas.
 
         Raises:
-            ImportError: Pandas is not installed.
+            ImportError: Pandas is not installed, or cannot be loaded.
         """
         try:
             import pandas  # noqa: F401 # pyright: ignore[reportMissingImports, reportUnusedImport]
-        except ImportError:
-            message = "to_pandas() needs pandas, which is not installed: `pip install pandas`, or use to_arrow()"
-            raise ImportError(message, name="pandas") from None
+        except ImportError as error:
+            add = f"`{how_to_add('pandas')}`, or use to_arrow()"
+            is_absent = isinstance(error, ModuleNotFoundError) and error.name == "pandas"
+            why = f"which is not installed: {add}" if is_absent else f"which cannot be loaded: {error}; use to_arrow()"
+            raise ImportError(f"to_pandas() needs pandas, {why}", name="pandas") from error
         return self._table.to_pandas()
 
     @cached_property
@@ -206,9 +209,10 @@ class Run:
         return str(
             card(
                 self.id,
-                self.outcome,
+                self._standing.shown_state,
                 line(f"{counts_in_words(self._standing.jobs) or 'no simulation jobs'}; {self.meaning}"),
                 line(f"with {values_in_words(self.parameters)}" if self.parameters else ""),
+                line(f"why: {self.why.headline}" if self.why and self.why.headline else ""),
                 table((), list(self.problems.items())),
                 table(("job", "outcome", "id", "reason"), rows, more),
             )

@@ -119,6 +119,16 @@ def is_own_server(api_url: str, settings: Settings) -> bool:
     return _known_server(settings).api_url == api_url
 
 
+def is_at_own_port(api_url: str, settings: Settings) -> bool:
+    """Whether a URL is where the data home's own Prefect server answers, or would answer if it were started."""
+    parts = urlsplit(api_url)
+    try:
+        own = int((server_folder(settings) / "port").read_text())
+        return parts.hostname in ("127.0.0.1", "localhost") and parts.port == own
+    except (OSError, ValueError):
+        return False
+
+
 def server_status(settings: Settings, environ: Mapping[str, str] | None = None) -> ServerStatus:
     """Returns which Prefect server would be used, and whether it answers, answers not in time (busy), or does not run.
 
@@ -278,11 +288,16 @@ def _listener(memory: Path) -> socket.socket:
 
 
 def _known_server(settings: Settings) -> ServerStatus:
-    """Returns the server in the state file, whether it still runs or not; without a file one that does not run."""
+    """Returns the server in the state file, whether it still runs or not; without a file one that does not run.
+
+    A copied home has the state file of the home that it was copied from, whose server is not its own.
+    """
     try:
-        return ServerStatus(**json.loads(_state_file(settings).read_text()))
+        status = ServerStatus(**json.loads(_state_file(settings).read_text()))
     except (OSError, ValueError, TypeError):
         return ServerStatus(running=False)
+    is_own = status.log in (None, str(server_folder(settings) / "server.log"))
+    return status if is_own else ServerStatus(running=False)
 
 
 def _state_file(settings: Settings) -> Path:

@@ -138,6 +138,13 @@ class Outage:
         """Whether the Prefect server is away and requests still wait for it."""
         return self.is_on and self._clock() < self._since + self._patience_s()
 
+    @property
+    def in_words(self) -> str:
+        """Says that the Prefect server, which is away, is not there, and how it comes back."""
+        if self._is_own and self._health is Health.AWAY:
+            return f"{self._name} was stopped; the next `robomaker run` starts it again"
+        return f"{self._name} does not answer"
+
     def wait(self) -> bool:
         """Waits until the server answers, or waiting time is over.
 

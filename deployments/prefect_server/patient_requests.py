@@ -16,6 +16,7 @@ import anyio
 import httpx
 from prefect.events.clients import PrefectEventsClient
 
+from ...schemas.wire.errors import RobomakerError
 from .outage import Outage
 
 _LOGS = "/logs"
@@ -32,7 +33,7 @@ _Send = Callable[[httpx.HTTPTransport, httpx.Request], httpx.Response]
 _SendAsync = Callable[[httpx.AsyncHTTPTransport, httpx.Request], Awaitable[httpx.Response]]
 
 
-class PrefectServerAwayError(httpx.NetworkError):
+class PrefectServerAwayError(httpx.NetworkError, RobomakerError):
     """Raised when the Prefect server is away and waiting is over; Prefect's client does not retry it."""
 
 
@@ -88,7 +89,7 @@ class _Patience:
                 except httpx.TransportError:
                     if not outage.look(began):
                         raise  # what went wrong is over, and Prefect's client tries again
-        raise PrefectServerAwayError("the Prefect server does not answer", request=request)
+        raise PrefectServerAwayError(self._outage.in_words, request=request)
 
     async def send_async(
         self, send: _SendAsync, transport: httpx.AsyncHTTPTransport, request: httpx.Request
@@ -112,7 +113,7 @@ class _Patience:
             return httpx.Response(201)  # dropped like events: Prefect would print each line that it cannot send
         if path.startswith(_TOKEN):
             return httpx.Response(200, json=_no_token())  # what asks for it fails in its turn, or is dropped
-        raise PrefectServerAwayError("the Prefect server does not answer", request=request)
+        raise PrefectServerAwayError(self._outage.in_words, request=request)
 
     async def emit(self, emit: Callable[..., Awaitable[None]], client: PrefectEventsClient, event: Any) -> None:
         """Sends a Prefect event; drops it while the Prefect server is away."""

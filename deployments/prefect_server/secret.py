@@ -98,6 +98,9 @@ def server_variables(folder: Path, port: int, auth_string: str) -> dict[str, str
         "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
         "PREFECT_SERVER_UI_SHOW_PROMOTIONAL_CONTENT": "false",
         "PREFECT_SERVER_CONCURRENCY_LEASE_STORAGE": _LEASE_STORAGE,
+        # Without both `prefect deployment run --watch` shows no log, and so not why a run failed.
+        "PREFECT_SERVER_LOGS_STREAM_OUT_ENABLED": "true",
+        "PREFECT_SERVER_LOGS_STREAM_PUBLISHING_ENABLED": "true",
         # Each look costs an idle server as much as two requests. Prefect looks every 5 to 20 s; nothing of ours waits
         # for these: `dead_run_sweeper` closes what is open in cancelled runs.
         "PREFECT_SERVER_SERVICES_LATE_RUNS_LOOP_SECONDS": "15",  # runs are called late once they are 15 s late

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from ...schemas.settings import max_worlds_per_job
-from ...schemas.specs.check import load_spec
+from ...schemas.specs.check import load_spec, read_as_far_as_possible
 from ...schemas.specs.specification import CheckedSpec
+from ...schemas.wire.errors import Problem
 
 SHIPPED = Path(__file__).parents[1] / "specs"
 """Folder of the specifications that come with this package."""
@@ -30,6 +31,18 @@ def checked(
     """
     most_worlds = max_worlds_per_job(os.environ)
     return load_spec(text, filename, parameters, is_complete=is_complete, most_worlds=most_worlds)
+
+
+def checked_as_far_as_possible(
+    text: str, filename: str, parameters: Mapping[str, Any] | None = None, *, is_complete: bool = True
+) -> tuple[CheckedSpec, list[Problem]]:
+    """Checks the text of a specification as `checked` does; returns what can be read of it, and all its problems.
+
+    Raises:
+        SpecError: The text is no YAML, or no mapping.
+    """
+    most_worlds = max_worlds_per_job(os.environ)
+    return read_as_far_as_possible(text, filename, parameters, is_complete=is_complete, most_worlds=most_worlds)
 
 
 @cache

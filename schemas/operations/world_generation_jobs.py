@@ -64,7 +64,9 @@ class WorldCount(Shape):
     A job that asks for too many, 50 by default, fails.
     """
 
-    floorplanCount: FloorplanCount | None = optional("Number of different floor plans.")
+    floorplanCount: FloorplanCount | None = optional(
+        "Number of floor plans, which differ as long as there are others that are good enough."
+    )
     interiorCountPerFloorplan: InteriorCountPerFloorplan | None = optional(
         "Number of differently furnished worlds for each floor plan."
     )

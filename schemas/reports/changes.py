@@ -5,6 +5,8 @@ from typing import Literal
 
 from pydantic import Field
 
+from ..runs.axes import trial_in_words
+from ..runs.axis_kinds.kind import Value
 from ..wire.base import Model, optional
 from .run_record import CaseOutcome
 
@@ -46,23 +48,44 @@ class ChangedInput(Model):
 
 
 class FailureStart(Model):
-    """The run since which a job fails, with the last run before it in which the job passed."""
+    """The run since which a job fails or breaks, with the last run before it in which the job passed."""
 
-    run_id: str = Field(description="Id of the first run in which the job failed.")
+    run_id: str = Field(description="Id of the first run in which the job failed or broke.")
     started_at: datetime = Field(description="Start of that run, UTC.")
-    nights: int = Field(description="Runs since then in which it failed, that one included.")
+    nights: int = Field(description="Runs since then in which it failed or broke, that one included.")
+    broke: int = Field(default=0, description="Runs among them in which it broke.")
     last_passed_run_id: str | None = optional(
         "Last run before in which it passed; absent: it never did in the runs looked at."
     )
     changed: list[ChangedInput] = Field(default=[], description="Inputs that changed between those two runs.")
 
 
-class NewlyMissed(Model):
+class PairedTrial(Model):
+    """A trial that two runs have, or a job without trials, by its name and by its number in each run."""
+
+    cell: CellName = Field(description="Name of the job.")
+    job: str = Field(description="Id of the job in the second run.")
+    trial: int | None = optional("Number of the trial; absent: the job has no trials.")
+    axes: dict[str, Value] = Field(
+        default={}, description="Values of the trial's own axes by name; empty: it has none, or the job has no trials."
+    )
+    before_job: str | None = optional("Id of the job in the first run; absent: an earlier release wrote this.")
+    before_trial: int | None = optional("Number of the same trial in the first run; absent: the job has no trials.")
+
+    @property
+    def title(self) -> str:
+        """Name of job and trial: `drive: scout in flat 3, friction 0.4 (trial 17)`."""
+        return self.cell.title if self.trial is None else f"{self.cell.title}, {self.trial_title}"
+
+    @property
+    def trial_title(self) -> str:
+        """Name of the trial alone: `friction 0.4 (trial 17)`; empty for a job without trials."""
+        return "" if self.trial is None else trial_in_words(self.trial, self.axes)
+
+
+class NewlyMissed(PairedTrial):
     """A trial that misses a requirement which it met in the run before."""
 
-    cell: CellName = Field(description="The job that it is a trial of.")
-    job: str = Field(description="Id of the job in the last run.")
-    trial: int | None = optional("Number of the trial; absent: the job has no trials.")
     detail: str = Field(default="", description="Measured and required value, as text.")
     certain: bool = Field(
         description="Whether nothing that is recorded differs by chance: same world, same seed, and programs that the "
@@ -84,6 +107,37 @@ class RequirementChange(Model):
     places: list[NewlyMissed] = Field(
         default=[], description="Those that newly miss it, at most 10, one of each job before a second of any."
     )
+
+
+class LargestFall(PairedTrial):
+    """The pair of trials in which a margin fell most."""
+
+    before: float = Field(description="Margin in the first run.")
+    after: float = Field(description="Margin in the second run.")
+
+
+class MetricChange(Model):
+    """Change of one metric, or of a requirement's margin, over the trials that ended in both runs."""
+
+    name: str = Field(description="The metric, with its unit; of a margin, the requirement.")
+    unit: str | None = optional("Unit of a margin; absent: it has none, or it is a metric.")
+    pairs: int = Field(description="Number of pairs with the metric.")
+    before: float = Field(description="Mean in the first run.")
+    after: float = Field(description="Mean in the second run.")
+    difference: float = Field(description="Mean of `after - before`.")
+    low: float | None = optional("Lower end of the confidence interval; absent with fewer than 2 pairs.")
+    high: float | None = optional("Upper end of the confidence interval.")
+    changed: bool = Field(description="Whether the interval leaves out 0.")
+    fell: int = Field(default=0, description="Number of pairs in which it fell, as far as four digits show.")
+    rose: int = Field(default=0, description="Number of pairs in which it rose.")
+    largest_fall: LargestFall | None = optional(
+        "The pair in which a margin fell most; absent: it fell in none, or is a metric."
+    )
+
+    @property
+    def has_fallen(self) -> bool:
+        """Whether the mean fell, by more than rounding, in some pair."""
+        return self.fell > 0 and self.difference < 0
 
 
 class CellChange(Model):
@@ -112,6 +166,11 @@ class Loss(Model):
     requirements: list[str] = Field(default=[], description="Names of requirements that counted then, and not now.")
     trials_before: int | None = optional("Number of counted trials before.")
     trials_now: int | None = optional("Number of counted trials now, if there are fewer.")
+    causes: list[str] = Field(
+        default=[],
+        description="Differences between the two runs that leave the job or the trials out, in words, such as `2 "
+        "seeds instead of 20 (parameter seeds)`; empty: not known.",
+    )
 
 
 class Losses(Model):
@@ -166,6 +225,10 @@ class SinceLastRun(Losses):
     )
     requirements: list[RequirementChange] = Field(
         default=[], description="Requirements that trials newly miss, the most frequent first, or newly meet."
+    )
+    margins: list[MetricChange] = Field(
+        default=[],
+        description="Margins of requirements that fell on average since the run before, by more than chance.",
     )
     shrinking: list[MarginTrend] = Field(
         default=[], description="Requirements that are met with margins that shrink steadily, the soonest miss first."

@@ -7,9 +7,15 @@ from pydantic import Field
 
 from ..runs.requirement_kinds.kind import Requirement
 from ..wire.base import Model, optional
-from .changes import CellName, ChangedInput, Losses, RequirementChange
+from ..wire.common import counted
+from .changes import CellName, ChangedInput, Losses, MetricChange, RequirementChange
 from .live_comparison import Answer
 from .run_record import CaseOutcome, SourceCommit
+
+TOO_FEW_PAIRS = "too few pairs to tell"
+"""Words for "no difference shown" where the interval of the difference includes one that matters."""
+USUAL_DIFFERENCE = 0.1
+"""Difference of pass rates that matters where none is asked for, a share from 0 to 1."""
 
 
 class ComparedRun(Model):
@@ -90,6 +96,14 @@ class RateChange(Model):
     p_value: float = Field(description="Two-sided p-value of the deciding test.")
     margin: MarginTest | None = optional("Present where a margin is asked for.")
 
+    def leaves_open(self, difference: float = USUAL_DIFFERENCE) -> bool:
+        """Returns whether the interval includes differences larger than one that matters, of either sign.
+
+        Args:
+            difference: The difference that matters, a share from 0 to 1.
+        """
+        return max(-self.low, self.high) > difference
+
 
 class NeededPairs(Model):
     """Number of trial pairs needed to answer a question about pass rates, by the power of the deciding test."""
@@ -107,6 +121,7 @@ class NeededPairs(Model):
     pairs: int = Field(description="Pairs needed in all.")
     more: int = Field(description="How many more than there are.")
     worlds: int | None = optional("Worlds needed in all, where whole worlds are flipped, with as many trials as now.")
+    assumed: list[str] = Field(default=[], description="Assumptions behind the number, in words.")
 
 
 class PlannedPairs(NeededPairs):
@@ -122,38 +137,18 @@ class PlannedPairs(NeededPairs):
     smallest: float | None = optional(
         "Smallest difference, or margin, that the planned pairs answer with the same power; absent: none, or not known."
     )
-    assumed: list[str] = Field(description="Assumptions behind the number, in words.")
     wall_time_s: float | None = optional("Wall-clock time of one run with so many trials; absent: not probed.")
     cost: float | None = optional("Cost of one such run; absent: not probed, or no price is given.")
 
 
-class LargestFall(Model):
-    """The pair of trials in which a margin fell most."""
+class AxisPairs(Model):
+    """Number of pairs in which the first value of a step's axis will be compared with each other one."""
 
-    cell: CellName = Field(description="Name of the job.")
-    job: str = Field(description="Id of the job in the second run.")
-    trial: int | None = optional("Number of the trial; absent: the job has no trials.")
-    before: float = Field(description="Margin in the first run.")
-    after: float = Field(description="Margin in the second run.")
-
-
-class MetricChange(Model):
-    """Change of one metric, or of a requirement's margin, over the trials that ended in both runs."""
-
-    name: str = Field(description="The metric, with its unit; of a margin, the requirement.")
-    unit: str | None = optional("Unit of a margin; absent: it has none, or it is a metric.")
-    pairs: int = Field(description="Number of pairs with the metric.")
-    before: float = Field(description="Mean in the first run.")
-    after: float = Field(description="Mean in the second run.")
-    difference: float = Field(description="Mean of `after - before`.")
-    low: float | None = optional("Lower end of the confidence interval; absent with fewer than 2 pairs.")
-    high: float | None = optional("Upper end of the confidence interval.")
-    changed: bool = Field(description="Whether the interval leaves out 0.")
-    fell: int = Field(default=0, description="Number of pairs in which it fell, as far as four digits show.")
-    rose: int = Field(default=0, description="Number of pairs in which it rose.")
-    largest_fall: LargestFall | None = optional(
-        "The pair in which a margin fell most; absent: it fell in none, or is a metric."
-    )
+    step: str = Field(description="The step.")
+    axis: str = Field(description="The axis.")
+    pairs: int = Field(description="Pairs of trials that differ in the axis alone; where whole worlds decide, worlds.")
+    least: int = Field(description="Fewest that can show a difference, if all of them differ the same way.")
+    of_worlds: bool = Field(description="Whether whole worlds decide.")
 
 
 class Comparison(Losses):
@@ -179,6 +174,9 @@ class Comparison(Losses):
     other_requirements: int = Field(description="Pairs that were judged by different requirements; they do not count.")
     other_requests: int = Field(description="Pairs whose requests differ in more than seed, tags and ARNs.")
     trials: int = Field(description="Trials that both runs have, of these jobs; a job without trials is one.")
+    identical: int = Field(
+        default=0, description="Judged pairs of trials that went through the same states in both runs, bit by bit."
+    )
     trials_only_before: int = Field(description="Trials that only the first run has.")
     trials_only_after: int = Field(description="Trials that only the second run has.")
     troubles: list[str] = Field(default=[], description="Tables of results that cannot be read, and what mends them.")
@@ -199,3 +197,74 @@ class Comparison(Losses):
     margins: list[MetricChange] = Field(
         default=[], description="Margins of requirements, those that moved first; an interval holds for all of them."
     )
+
+    @property
+    def is_open(self) -> bool:
+        """Whether no difference is shown only since the pairs are too few: they leave open one that matters."""
+        if self.answer != "no difference shown" or self.rate is None or self.is_unchanged:
+            return False
+        asked = self.needed is not None and self.needed.basis in ("asked for", "margin")
+        return self.rate.leaves_open(self.needed.difference if self.needed and asked else USUAL_DIFFERENCE)
+
+    @property
+    def is_unchanged(self) -> bool:
+        """Whether each pair was judged alike and went through the same states, so that nothing changed."""
+        is_else = self.newly_failing or self.newly_passing or self.unjudged or self.other_requirements
+        return self.rate is not None and self.identical == self.rate.pairs and not is_else
+
+    @property
+    def answer_in_words(self) -> str:
+        """The answer as it is told: `too few pairs to tell` where no difference is shown, and a large one is open."""
+        if self.answer == "no difference shown" and self.is_unchanged:
+            return "nothing changed"
+        return TOO_FEW_PAIRS if self.is_open else self.answer
+
+    @property
+    def turned_in_words(self) -> str:
+        """Jobs that turned, which are facts although they do not show that pass rates differ; empty: there are none.
+
+        An example: `3 of 6 jobs newly fail, and none newly passes`.
+        """
+        failing, passing = len(self.newly_failing), len(self.newly_passing)
+        if self.answer != "no difference shown" or not failing + passing:
+            return ""
+        jobs = counted(self.pairs, "job")
+        if not failing:
+            return f"{passing} of {jobs} newly {'passes' if passing == 1 else 'pass'}, and none newly fails"
+        others = f"{passing or 'none'} newly {'pass' if passing > 1 else 'passes'}"
+        return f"{failing} of {jobs} newly {'fails' if failing == 1 else 'fail'}, and {others}"
+
+    @property
+    def order_in_words(self) -> str:
+        """Note that the runs were named in reverse, the newer one first; empty: they were not."""
+        if self.before.started_at <= self.after.started_at:
+            return ""
+        return f"A, {self.before.run_id}, is the newer run: what changed since is told backwards"
+
+    def told_of(self, before: str, after: str) -> str:
+        """Says how often the second run passes beside the first one, without the answer and a full stop.
+
+        Args:
+            before: Name of the first run in the sentence.
+            after: Name of the second run.
+        """
+        if self.answer == "not comparable":
+            return f"{after} with {before}"
+        if self.answer == "not worse":
+            margin = self.rate and self.rate.margin
+            fall = f" by {100 * margin.margin:.3g} points or more" if margin else " by as much as asked"
+            return f"the pass rate of {after} did not fall{fall} below that of {before}"
+        if self.answer != "no difference shown":
+            often = "more" if self.answer == "better" else "less"
+            return f"{after} passes {often} often than {before}, by more than chance"
+        if self.is_unchanged:
+            pairs = "the only pair" if self.identical == 1 else f"each of {self.identical} pairs"
+            return f"{pairs} of {before} and {after} went through the same states, bit by bit"
+        if self.rate is None:
+            return f"it is open whether {after} passes more or less often than {before}"
+        if self.rate.difference:
+            often = "more" if self.rate.difference > 0 else "less"
+            return f"{after} passes {often} often than {before}, but chance alone may do that"
+        points = 100 * max(-self.rate.low, self.rate.high)
+        open_ = f", and a difference of {points:.3g} points is not excluded" if self.is_open else ""
+        return f"{after} passes as often as {before}{open_}"

@@ -7,10 +7,11 @@ from typing import Any, Literal
 from pydantic import Field
 
 from ..wire.base import Model, optional
-from ..wire.common import counted
+from ..wire.common import counted, passed_of
 from .changes import CellName, ChangedInput, FailureStart, SinceLastRun
 from .report import Share
 from .run_record import CUT_SHORT, CaseOutcome, RunState, SourceCommit
+from .run_states import state_in_words
 
 
 class MissedNight(Model):
@@ -50,10 +51,23 @@ class Night(Model):
     state: RunState = Field(description="State of the finished run.")
     jobs: int = Field(description="Number of jobs in the run.")
     jobs_judged: int = Field(default=0, description="How many of them passed or failed.")
+    jobs_passed: int = Field(default=0, description="How many of them passed.")
     trials: int = Field(description="How many trials they had; a job without trials is one.")
     success: Share = Field(
         description="Its trials; those that broke are not judged. A run that stopped early has no interval, since its "
-        "trials have ended it."
+        "trials have ended it; one that was canceled or ran out of time has no rate, as those that ended first are no "
+        "sample of all."
+    )
+    refusal: str = Field(default="", description="Reason why it was refused before its first step; empty: it was not.")
+    step_error: str = Field(
+        default="",
+        description="Step at which it broke, with its error, where no job tells why; empty: there is none.",
+    )
+    known: int = Field(default=0, description="How many of its jobs failed as its specification knows.")
+    taken_over: int = Field(
+        default=0,
+        description="How many of its jobs took over results that count for an earlier run. They count for no job, "
+        "world or requirement again; a run that took over all of them has no rate.",
     )
     against: str = Field(
         default="",
@@ -66,11 +80,46 @@ class Night(Model):
     report_path: Path | None = optional("Its HTML report.")
 
     @property
+    def shown_state(self) -> str:
+        """State of the run as pages show it: `passed` if it succeeded and each of its jobs passed."""
+        return state_in_words(self.state, {"passed": self.jobs_passed, "others": self.jobs - self.jobs_passed})
+
+    @property
+    def passed_in_words(self) -> str:
+        """Number of jobs that passed: `3 of 4 jobs passed`, of jobs with trials with `(46 of 50 trials passed)`."""
+        told = passed_of(self.jobs_passed, self.jobs, "job")
+        if self.trials == self.jobs or self.is_taken_over:
+            return told
+        return f"{told} ({passed_of(self.success.passed, self.trials, 'trial')})"
+
+    @property
     def cut_short(self) -> str:
         """End of a run that did not end by itself: `canceled, 9 of 60 jobs judged`; empty: it ended by itself."""
         if self.state not in CUT_SHORT:
             return ""
         return f"{self.state}, {self.jobs_judged} of {counted(self.jobs, 'job')} judged"
+
+    @property
+    def is_taken_over(self) -> bool:
+        """Whether all its results are those of earlier runs, which have counted already."""
+        return 0 < self.jobs == self.taken_over
+
+    @property
+    def refused_in_words(self) -> str:
+        """Text on the reason why it was refused; empty: it was not."""
+        return f"refused before its first step: {self.refusal}" if self.refusal else ""
+
+    @property
+    def why_broken(self) -> str:
+        """Reason why it broke that no job has: why it was refused, or the step's error; empty: there is none."""
+        return self.refused_in_words or self.step_error
+
+    @property
+    def jobs_in_words(self) -> str:
+        """Numbers of its jobs that took over results, and whose failure is known: `8 of 10 taken over, 1 known`."""
+        taken = "taken over" if self.is_taken_over else f"{self.taken_over} of {self.jobs} taken over"
+        told = (taken if self.taken_over else "", f"{self.known} known" if self.known else "")
+        return ", ".join(filter(None, told))
 
 
 class CellHistory(Model):
@@ -83,7 +132,9 @@ class CellHistory(Model):
     unsteady: bool = Field(
         description="Whether it passed and failed with the same inputs, or changed its result at least three times."
     )
-    same_inputs: bool = Field(description="Whether it passed and failed with the same applications, request and seed.")
+    same_inputs: bool = Field(
+        description="Whether it passed and failed with the same applications, versions, request, trials, data and seed."
+    )
     since: FailureStart | None = optional("Since when it fails; absent: it does not.")
 
 

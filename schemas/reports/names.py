@@ -34,6 +34,8 @@ _JOINERS = frozenset("\u200c\u200d")
 """Characters that do not show themselves, and change how their neighbours do: in Persian and Hindi, and in emojis."""
 
 _NUMBER_OF_WORLD = re.compile(r"/world-(\d+)")
+_NUMBER_AT_END = re.compile(r"[\s_.:#-]*\d+$")
+_MAKER_AT_END = re.compile(rf" \((?:{'|'.join(get_args(IdPrefix))})-[0-9a-z]+\)(?: \(\d+\))?$")
 _WHOLE_ID = re.compile(r"([a-z]+)-[0-9a-z]{12}(?:/world-\d+)?")
 _RANDOM_PART = re.compile(r"(?:[a-z]+-)?([0-9a-z]*)(?:/.*)?")
 
@@ -116,6 +118,11 @@ def unique_world_names(names: Mapping[str, str]) -> dict[str, str]:
             for arn, beginning in zip(arns, _beginnings(makers), strict=True):
                 unique[arn] = f"{name} ({beginning})"
     return dict(zip(unique, _numbered(list(unique.values())), strict=True))
+
+
+def world_kind(name: str) -> str:
+    """Returns the kind in a unique name of a world: `flat` of `flat 3` and of `flat 3 (generation-8285)`."""
+    return _NUMBER_AT_END.sub("", _MAKER_AT_END.sub("", name))
 
 
 def unique_job_names(names: Sequence[str], settings: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -222,10 +229,22 @@ def with_id(name: str, own_id: str) -> str:
 
 
 def near_names(wanted: str, known: Iterable[str]) -> str:
-    """Returns `; did you mean 'flat 3' or 'flat 13'?` for the known names that are like a text; empty: none is."""
-    each = list(dict.fromkeys(known))
-    near = [name for name in each if wanted and name.startswith(wanted)][:3] or get_close_matches(wanted, each, n=3)
+    """Returns `; did you mean 'flat 3' or 'flat 13'?` for the known names that are like a text; empty: none is.
+
+    Capital letters and accents do not matter: `KUCHE` is like `Küche`.
+    """
+    plain: dict[str, list[str]] = {}
+    for name in dict.fromkeys(known):
+        plain.setdefault(_plain_letters(name), []).append(name)
+    own = _plain_letters(wanted)
+    found = [each for each in plain if own and each.startswith(own)] or get_close_matches(own, plain, n=3)
+    near = [name for each in found for name in plain[each]][:3]
     return f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
+
+
+def _plain_letters(name: str) -> str:
+    letters = unicodedata.normalize("NFKD", name.casefold())
+    return "".join(letter for letter in letters if not unicodedata.combining(letter)).strip()
 
 
 def _beginnings(ids: Sequence[str]) -> list[str]:

@@ -10,11 +10,12 @@ from ..job_owners import JobOwner
 from ..runs.axis_kinds.kind import Value
 from ..runs.plan import Requirement, RunResult
 from ..runs.programs import Scarce, ToolEnds
+from ..trial_copies import copies_not_counted
 from ..wire.base import Model, optional
 from .causes import AxisEffects, Why
 from .challenge import Challenge
 from .changes import SinceLastRun
-from .comparison import RateChange
+from .comparison import TOO_FEW_PAIRS, RateChange
 from .forecast import ForecastCheck
 from .live_comparison import Answer
 from .run_record import CaseOutcome as CaseOutcome
@@ -133,6 +134,16 @@ class Share(Model):
     unit: str | None = optional("Unit of the margin.")
     worst_job: str | None = optional("Job with the smallest margin.")
 
+    @property
+    def remark(self) -> str:
+        """Remark on copies among the trials: `2 copies not counted`; empty: there are none."""
+        return copies_not_counted(self.copies)
+
+    @property
+    def copies_briefly(self) -> str:
+        """Number of copies, where what they are is said once for all rates: `2 copies`; empty: there are none."""
+        return self.remark.removesuffix(" not counted")
+
 
 class ArmComparison(Model):
     """Comparison of two values of a step's axis within one run, by pairs of trials that differ in nothing else."""
@@ -163,8 +174,17 @@ class ArmComparison(Model):
 
     @property
     def result(self) -> str:
-        """Says of the other value how trials with it end: `passes more often`."""
+        """Says of the other value how trials with it end: `passes more often`, or `too few pairs to tell`."""
+        if self.is_open:
+            return TOO_FEW_PAIRS
         return {"better": "passes more often", "worse": "passes less often"}.get(self.answer, self.answer)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether no difference is shown only since the pairs are too few: they leave open one that matters."""
+        if self.answer != "no difference shown" or self.rate is None or self.same_states:
+            return False
+        return self.rate.leaves_open()
 
 
 class AxisResult(Model):
@@ -189,10 +209,14 @@ class Report(Model):
     worlds: list[ReportedWorld] = Field(description="Worlds made or driven in.")
     jobs: list[ReportedJob] = Field(description="Simulation jobs, in request order.")
     command: str = Field(description="The command that runs it again.")
+    refusal: str = Field(
+        default="", description="Reason why the run was refused before its first step; empty: it was not."
+    )
     against: str = Field(
         default="",
         description="Answer of a run that was carried out beside an earlier one, in words; empty: it was not.",
     )
+    stopped_early: bool = Field(default=False, description="Whether that answer ended it before all jobs were made.")
     interrupted: str = Field(default="", description="When its processes died, in words; empty: none did.")
     known_notes: list[str] = Field(
         default=[],
@@ -225,6 +249,10 @@ class JobCase(Model):
     test: str = Field(
         description="Name of the job in every run of the specification, unique in its step: world or number of the "
         "request, and application."
+    )
+    case_name: str = Field(
+        description="Name of its test case in JUnit files, the same in every run of the specification, unique in its "
+        "step: `scout in flat 3`."
     )
     arn: str | None = optional("The job's ARN.")
     outcome: CaseOutcome = Field(description="Outcome of the job: FAIL is `failed`, ERROR is `broken`.")
@@ -286,6 +314,7 @@ class ReportSummary(Model):
     parameters: dict[str, Any] = Field(default={}, description="Values of the specification's parameters.")
     rerun_of: str = Field(default="", description="Run that it is a rerun of, and which of its jobs, in words.")
     against: str = Field(default="", description="Answer of a run that was carried out beside an earlier one.")
+    stopped_early: bool = Field(default=False, description="Whether that answer ended it before all jobs were made.")
     forecast: ForecastCheck | None = optional(
         "How it compares to its forecast; absent: there was none, or not all of it was run."
     )

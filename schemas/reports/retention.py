@@ -24,7 +24,9 @@ class RetentionPolicy(Model):
     )
     sdk_jobs: bool = Field(default=False, description="Whether jobs that no run of a specification made go too.")
     orphaned_worlds: bool = Field(
-        default=False, description="Whether worlds go that were generated or varied, and that nothing kept names."
+        default=False,
+        description="Whether worlds go that were generated or varied, and that neither anything kept nor a deployed "
+        "specification names.",
     )
     imported_worlds: bool = Field(default=False, description="Whether imported worlds go that nothing kept names.")
     orphaned_recordings: bool = Field(

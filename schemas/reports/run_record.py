@@ -1,9 +1,10 @@
 """Record of one run of a specification (`run.json` in its run folder), and the order by which it can be resumed."""
 
+import shlex
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 from uuid import UUID
 
 from pydantic import Field
@@ -24,7 +25,33 @@ RunState = Literal["succeeded", "failed", "broken", "canceled", "timed out"]
 CUT_SHORT: frozenset[RunState] = frozenset({"canceled", "timed out"})
 """States of runs that did not end by themselves, so that some of their jobs may have no result."""
 
+_WORLDS = (
+    "ARNs of the worlds that the specification names by something else, by name, as they were found when the run "
+    "began; a process that resumes the run uses these."
+)
+
 CaseOutcome = Literal["broken", "failed", "canceled", "unfinished", "no verdict", "passed"]
+WITHOUT_GOOD_RESULT: frozenset[CaseOutcome] = frozenset({"broken", "failed", "canceled", "unfinished"})
+"""Outcomes of jobs without a good result, which `robomaker rerun --failed` runs again."""
+
+
+def case_outcome(status: str, verdict: Verdict | None, failure_code: str | None = None) -> CaseOutcome:
+    """Classifies a simulation job as passed, failed, broken or canceled.
+
+    The status takes precedence: a verdict counts only if the job ended by itself.
+    """
+    if status in ("Canceled", "Terminated", "Terminating"):
+        return "canceled"
+    if status == "NotCreated" and failure_code == "BatchCanceled":
+        return "canceled"
+    if status in ("Failed", "RunningFailed", "NotCreated") or (failure_code and status != "Completed"):
+        return "broken"
+    if status != "Completed":
+        return "unfinished"
+    outcomes: dict[Verdict, CaseOutcome] = {"ERROR": "broken", "FAIL": "failed", "PASS": "passed"}
+    return outcomes.get(verdict or "NONE", "no verdict")
+
+
 """Outcomes of one job."""
 
 
@@ -65,6 +92,10 @@ class JobInputs(Model):
     request_sha256: str = Field(
         description="SHA-256 of what its request asks for: applications, launch configurations, data, limits and "
         "requirements, without ARNs, which are others every night."
+    )
+    trials_and_data_sha256: str | None = optional(
+        "SHA-256 of what else decides its result: its trials (seeds and values of axes, not which are recorded) and "
+        "the contents of its data; absent: they are not known, or an early release wrote the record."
     )
 
 
@@ -165,6 +196,11 @@ class JobRecord(Model):
         "Name of the job in every run of the specification, unique in its step: world or number of the "
         "request, and application."
     )
+    case_name: str = Field(
+        default="",
+        description="Name of its test case in JUnit files, the same in every run of the specification, unique in its "
+        "step: `scout in flat 3`; empty: an early release wrote the record.",
+    )
     requirements: list[Requirement] = Field(
         default=[], description="Requirements that it was judged by, from `result.json`."
     )
@@ -188,6 +224,17 @@ class JobRecord(Model):
     def title_with_id(self) -> str:
         """Name with the id behind it: `scout in flat 3 (sim-82856b0yq33y)`."""
         return with_id(self.name, self.label)
+
+    def moved(self, before: str, now: str) -> Self:
+        """Returns the record with the address of its outputs below another folder, if they were below the one before.
+
+        Args:
+            before: Address of the folder, which ends with `/`.
+            now: Address of the folder that it became.
+        """
+        if not before or not (self.output_uri or "").startswith(before):
+            return self
+        return self.model_copy(update={"output_uri": now + (self.output_uri or "").removeprefix(before)})
 
     @property
     def world_title(self) -> str | None:
@@ -213,6 +260,7 @@ class RunRecord(Model):
     parameters: dict[str, Any] = Field(
         default={}, description="Values of the specification's parameters, defaults included."
     )
+    worlds: dict[str, str] = Field(default={}, description=_WORLDS)
     command: list[str] = Field(default=[], description="The command that runs it again.")
     state: RunState = Field(description="State of the finished run.")
     exit_code: int = Field(
@@ -253,10 +301,68 @@ class RunRecord(Model):
     )
     run_dir: Path = Field(description="Folder of this run: this record, the specification, the report.")
 
+    @classmethod
+    def stored_in(cls, folder: Path, content: bytes) -> Self:
+        """Reads a record from a file in a run's folder, whose paths it gets: the home may have been copied or moved.
+
+        Args:
+            folder: Folder that the file is in now; what is written for the run goes there.
+            content: Content of the file.
+
+        Raises:
+            ValidationError: It is not a record.
+        """
+        record, here = cls.model_validate_json(content), folder.absolute()
+        if record.run_dir == here:
+            return record
+        report = record.report_path and here / record.report_path.name
+        jobs = record.jobs
+        if here.parent.name == "runs" and (here.parents[1] / "objects").is_dir():  # else the folder was copied alone
+            jobs = [job.moved(_objects_of(record.run_dir), _objects_of(here)) for job in record.jobs]
+        return record.model_copy(update={"run_dir": here, "report_path": report, "jobs": jobs})
+
     @property
     def refusal(self) -> str | None:
         """Reason why the run was refused before its first step; `None`: it was not."""
         return next((step.error for step in self.steps if step.name == BEFORE_STEPS), None)
+
+    @property
+    def refused_in_words(self) -> str:
+        """Sentence without full stop on the reason why the run was refused; empty: it was not."""
+        return f"refused before its first step: {self.refusal}" if self.refusal is not None else ""
+
+    @property
+    def ended_before_jobs(self) -> bool:
+        """Whether it ended before it had any jobs, so that nothing of it can be compared with other runs."""
+        return not self.jobs and self.state not in ("succeeded", "failed")
+
+    @property
+    def step_error(self) -> str:
+        """Step at which the run broke, with its error on one line, where no job tells why; empty: there is none."""
+        outcomes = (case_outcome(job.status, job.verdict, job.failure_code) for job in self.jobs if not job.known)
+        if self.state != "broken" or self.refusal is not None or "broken" in outcomes:
+            return ""
+        told = ((step.name, step.error.partition("\nLast lines of ")[0]) for step in self.steps if step.error)
+        return next((f"step {name}: {' '.join(error.split())}" for name, error in told), "")
+
+    @property
+    def whole_again(self) -> str:
+        """Command that runs all of it again."""
+        return shlex.join(self.command or ["robomaker", "run", self.spec_path])
+
+    @property
+    def again(self) -> str:
+        """Command that runs it again: the jobs without a good result if it has any, else the jobs, else all of it."""
+        if not self.jobs:  # `robomaker rerun` finds nothing to run again
+            return self.whole_again
+        # Known failures leave the state as it is, and what broke may be a step without jobs.
+        outcomes = {case_outcome(job.status, job.verdict, job.failure_code) for job in self.jobs}
+        return f"robomaker rerun {self.run_id}{' --failed' if outcomes & WITHOUT_GOOD_RESULT else ''}"
+
+
+def _objects_of(run: Path) -> str:
+    """Returns the address of the home's own object store, of the folder of a run in it; empty: it is in no home."""
+    return f"{(run.parents[1] / 'objects').as_uri()}/" if run.is_absolute() and len(run.parents) > 1 else ""
 
 
 def interrupted_briefly(count: int) -> str:
@@ -299,6 +405,7 @@ class Order(Model):
     name: str | None = optional("Name of the run; absent: that of the specification.")
     parameters: dict[str, Any] = Field(default={}, description="Values of the specification's parameters, all of them.")
     seed: int | None = optional("Seed in place of those of the specification; absent: none.")
+    worlds: dict[str, str] = Field(default={}, description=_WORLDS)
     reuse: bool = Field(default=False, description="Whether it may take over worlds and results of earlier runs.")
     against: Against | None = optional("The earlier run beside which it is carried out; absent: none.")
     decided: AgainstAnswer | None = optional("Answer for which its jobs are cancelled; absent: none yet.")

@@ -1,17 +1,25 @@
 """State of a finished run, decided from its steps and jobs, and texts about it in a line or two."""
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from pydantic import Field
 
 from ..exit_codes import IN_WORDS
-from ..known_failures import ReportedFailures, idle_failures, known_failure, partly_known
+from ..known_failures import (
+    KnownFailure,
+    ReportedFailures,
+    did_not_occur,
+    idle_failures,
+    known_failure,
+    partly_known,
+)
 from ..runs.plan import Verdict
 from ..runs.trials import OF_ALL_TRIALS
 from ..wire.base import Model, optional
+from ..wire.common import counted, passed_of
 from .live_comparison import in_words as answer_in_words
-from .run_record import CaseOutcome, JobRecord, RerunOf, RunRecord, RunState
+from .run_record import CaseOutcome, JobRecord, RerunOf, RunRecord, RunState, case_outcome
 
 BAD_ENDS: dict[str, RunState] = {"Failed": "broken", "Canceled": "canceled", "TimedOut": "timed out"}
 """State of a run by the status of a failed step or job, after which no further step starts."""
@@ -90,13 +98,7 @@ def with_known(record: RunRecord, jobs: Sequence[JobRecord]) -> tuple[list[JobRe
     if not record.known or record.challenge is not None:
         return list(jobs), []
     day = record.started_at.date()
-    found = [
-        ReportedFailures(
-            names=names_for_known(job, record.rerun_of),
-            missed=tuple(_missed(job)) if _outcome_of(job) in ("passed", "failed") else None,
-        )
-        for job in jobs
-    ]
+    found = [_reported(job, record) for job in jobs]
     explained = [known_failure(each, record.known, day) for each in found]
     marked = [
         job.model_copy(update={"known": f"{each}{_covered(job)}" if each and not job.unnamed_failure else ""})
@@ -114,6 +116,20 @@ def with_known(record: RunRecord, jobs: Sequence[JobRecord]) -> tuple[list[JobRe
     return marked, [*idle_failures(found, told, day), *partly, *besides]
 
 
+def mended_failures(record: RunRecord) -> list[KnownFailure]:
+    """Lists the known failures that did not occur in a run, though its jobs could show them and were judged."""
+    found = [_reported(job, record) for job in record.jobs]
+    return [each for each in record.known if did_not_occur(each, found)]
+
+
+def _reported(job: JobRecord, record: RunRecord) -> ReportedFailures:
+    return ReportedFailures(
+        names=names_for_known(job, record.rerun_of),
+        missed=tuple(_missed(job)) if _outcome_of(job) in ("passed", "failed") else None,
+        requirements=tuple(item.name for item in job.requirements),
+    )
+
+
 def names_for_known(job: JobRecord, rerun_of: RerunOf | None) -> tuple[str, ...]:
     """Returns the names by which known failures name a job; in a rerun those that it had in the whole run.
 
@@ -123,7 +139,7 @@ def names_for_known(job: JobRecord, rerun_of: RerunOf | None) -> tuple[str, ...]
     """
     if rerun_of is not None:  # a rerun's only job is its request 1, which another one was in the whole run
         return tuple(rerun_of.names.get((job.earlier or "").rpartition(": ")[0], ()))
-    return tuple(filter(None, (job.name, job.test or job.label)))
+    return tuple(dict.fromkeys(filter(None, (job.name, job.case_name, job.test or job.label))))
 
 
 def _covered(job: JobRecord) -> str:
@@ -144,23 +160,6 @@ def _missed(job: JobRecord) -> list[str]:
 def is_bad(status: str) -> bool:
     """Whether a status of a step or job means that it did not succeed."""
     return status in _STATES
-
-
-def case_outcome(status: str, verdict: Verdict | None, failure_code: str | None = None) -> CaseOutcome:
-    """Classifies a simulation job as passed, failed, broken or canceled.
-
-    The status takes precedence: a verdict counts only if the job ended by itself.
-    """
-    if status in ("Canceled", "Terminated", "Terminating"):
-        return "canceled"
-    if status == "NotCreated" and failure_code == "BatchCanceled":
-        return "canceled"
-    if status in ("Failed", "RunningFailed", "NotCreated") or (failure_code and status != "Completed"):
-        return "broken"
-    if status != "Completed":
-        return "unfinished"
-    outcomes: dict[Verdict, CaseOutcome] = {"ERROR": "broken", "FAIL": "failed", "PASS": "passed"}
-    return outcomes.get(verdict or "NONE", "no verdict")
 
 
 def run_state(statuses: Iterable[str], jobs: Collection[JobRecord], *, is_whole: bool = True) -> RunState:
@@ -194,7 +193,7 @@ def count_outcomes(jobs: Iterable[JobRecord]) -> dict[CaseOutcome, int]:
 
 def outcomes_in_words(outcomes: Sequence[str]) -> str:
     """Summarises outcomes of jobs, the most frequent first: `1000 jobs: 990 passed, 8 failed, 2 broken`."""
-    jobs = f"{len(outcomes)} {'job' if len(outcomes) == 1 else 'jobs'}"
+    jobs = counted(len(outcomes), "job")
     counts = ", ".join(f"{count} {outcome}" for outcome, count in Counter(outcomes).most_common())
     return f"{jobs}: {counts}" if counts else jobs
 
@@ -209,10 +208,26 @@ def worst_job(jobs: Iterable[JobRecord]) -> JobRecord | None:
     return next(iter(_bad(jobs)), None)
 
 
-def in_words(state: RunState, jobs: Sequence[JobRecord], troubles: Sequence[str] = (), look: str = "") -> str:
-    """Summarises a run as text: its state, how many verdicts pass, the worst failures, and a command to inspect them.
+def state_in_words(state: str, counts: Mapping[CaseOutcome, int] | Mapping[str, int]) -> str:
+    """Returns a run's state in the word for its jobs: `passed` if it succeeded and each of them passed.
 
-    An example: `failed: 3 of 4 verdicts pass. scout in flat 3 (sim-82856b0yq33y): FAIL: upright. Look: COMMAND`.
+    Args:
+        state: State of the run.
+        counts: Numbers of its jobs by outcome.
+    """
+    is_passed = state == "succeeded" and [outcome for outcome, count in counts.items() if count] == ["passed"]
+    return "passed" if is_passed else state
+
+
+def shown_state(record: RunRecord) -> str:
+    """Returns the state of a run that has ended, as pages and messages show it; see `state_in_words`."""
+    return state_in_words(record.state, count_outcomes(record.jobs))
+
+
+def in_words(state: RunState, jobs: Sequence[JobRecord], troubles: Sequence[str] = (), look: str = "") -> str:
+    """Summarises a run as text: its state, how many jobs passed, the worst failures, and a command to inspect them.
+
+    An example: `failed: 3 of 4 jobs passed. scout in flat 3 (sim-82856b0yq33y): FAIL: upright. Look: COMMAND`.
 
     Args:
         state: State of the finished run.
@@ -220,7 +235,7 @@ def in_words(state: RunState, jobs: Sequence[JobRecord], troubles: Sequence[str]
         troubles: Other problems as text, the worst first.
         look: Command line to inspect the failures; empty: none.
     """
-    words = ": ".join(filter(None, (state, counts_in_words(jobs))))
+    words = ": ".join(filter(None, (state_in_words(state, count_outcomes(jobs)), counts_in_words(jobs))))
     bad = [*(_line(trouble) for trouble in troubles), *(_job_in_words(job) for job in _bad(jobs))]
     if bad:
         more = f"; and {len(bad) - _MOST_NAMED} more" if len(bad) > _MOST_NAMED else ""
@@ -229,15 +244,35 @@ def in_words(state: RunState, jobs: Sequence[JobRecord], troubles: Sequence[str]
 
 
 def counts_in_words(jobs: Sequence[JobRecord]) -> str:
-    """Summarises the verdicts of jobs: `3 of 4 verdicts pass, 1 broke, 2 canceled`; empty when there are no jobs."""
+    """Summarises jobs by outcome: `3 of 6 jobs passed (48 of 50 trials passed), 1 broke`; empty without jobs."""
+    if not jobs:
+        return ""
     counts = count_outcomes(jobs)
-    passed = counts.get("passed", 0)
-    judged = passed + counts.get("failed", 0)
-    told = [f"{passed} of {judged} verdicts pass"] if judged else []
+    told = [f"{passed_of(counts.get('passed', 0), len(jobs), 'job')}{_trials_in_words(jobs)}"]
     if known := sum(bool(job.known) for job in jobs):
         told.append(f"{known} {'failure' if known == 1 else 'failures'} known")
     told += [f"{counts[outcome]} {words}" for outcome, words in _OTHER_ENDS.items() if counts.get(outcome)]
     return ", ".join(told)
+
+
+def _trials_in_words(jobs: Sequence[JobRecord]) -> str:
+    """Returns the number of trials that passed, in brackets; empty if no job has trials."""
+    if not any(map(_has_trials, jobs)):
+        return ""
+    passed, trials = (sum(counts) for counts in zip(*map(_trials_of, jobs), strict=True))
+    return f" ({passed_of(passed, trials, 'trial')})"
+
+
+def _trials_of(job: JobRecord) -> tuple[int, int]:
+    """Returns how many trials of a job passed, and how many it has; one without trials is one itself if judged."""
+    if _has_trials(job):  # another job may have metrics of its application that are called the same
+        return round(job.metrics.get("trials_passed", 0)), round(job.metrics.get("trials", 0))
+    is_judged = job.status == "Completed" and job.verdict not in (None, "NONE")
+    return int(_outcome_of(job) == "passed"), int(is_judged)
+
+
+def _has_trials(job: JobRecord) -> bool:
+    return any(item.name == OF_ALL_TRIALS for item in job.requirements)
 
 
 def _bad(jobs: Iterable[JobRecord]) -> list[JobRecord]:

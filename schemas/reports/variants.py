@@ -37,11 +37,33 @@ def variants(requests: Sequence[Mapping[str, Any]]) -> list[str]:
     """
     all_settings = _least_of_requirements([_of_cell(request) or _of_request(request) for request in requests])
     names = dict.fromkeys(name for settings in all_settings for name in settings)
-    differing = [name for name in names if len({settings.get(name) for settings in all_settings}) > 1]
+    whole = _whole(requests, all_settings)
+    differing = [name for name in names if len({_value(settings, name) for settings in whole}) > 1]
     counts = Counter((name, settings[name]) for settings in all_settings for name in differing if name in settings)
     return [
         _named({name: settings[name] for name in differing if name in settings}, counts) for settings in all_settings
     ]
+
+
+def _whole(
+    requests: Sequence[Mapping[str, Any]], all_settings: Sequence[Mapping[_Path, str]]
+) -> Sequence[Mapping[_Path, str]]:
+    """Returns all settings of requests, also those on which the cell of a job does not depend.
+
+    They are needed only where some of the requests have a cell: what these have in common with the others is no
+    difference.
+    """
+    cells = [_of_cell(request) for request in requests]
+    if all(cells) or not any(cells):
+        return all_settings
+    return [{**cell, **_of_request(request)} for cell, request in zip(cells, requests, strict=True)]
+
+
+def _value(settings: Mapping[_Path, str], name: _Path) -> str | None:
+    """Returns the value of a setting; for an axis that a request lacks, that of its own member of the same name."""
+    if name in settings or len(name) != 1:
+        return settings.get(name)
+    return next((value for path, value in settings.items() if _label(path) == name[0]), None)
 
 
 def _least_of_requirements(all_settings: Sequence[Mapping[_Path, str]]) -> list[Mapping[_Path, str]]:
@@ -59,7 +81,8 @@ def _of_cell(request: Mapping[str, Any]) -> dict[_Path, str]:
     """Returns the values of the step's axes and the seed of a request, as texts; without its world; empty: no axes."""
     cell = cell_in_tags(request.get("tags"))
     settings = {(name,): _short(value_text(value)) for name, value in cell.items() if ":world/" not in str(value)}
-    return {**settings, ("seed",): str(request.get("seed"))} if cell else {}
+    step = {("step",): str(request["step"])} if "step" in request else {}
+    return {**step, **settings, ("seed",): str(request.get("seed"))} if cell else {}
 
 
 def _of_request(request: Mapping[str, Any]) -> dict[_Path, str]:

@@ -113,6 +113,28 @@ def value_text(value: Value) -> str:
     return value if isinstance(value, str) else f"{value:.6g}"
 
 
+_MOST_NAMED_AXES = 4
+_LONGEST_NAMED_VALUE = 24
+
+
+def trial_in_words(number: int, values: Mapping[str, Value]) -> str:
+    """Names a trial by the values of its axes: `friction 0.4, mass 2.1 (trial 17)`; without axes `trial 17`.
+
+    Args:
+        number: Number of the trial.
+        values: Values of its axes by name; numbers are rounded to three digits, long texts and lists are cut.
+    """
+    named = [f"{name} {_briefly(value)}" for name, value in list(values.items())[:_MOST_NAMED_AXES]]
+    named += [f"{len(values) - _MOST_NAMED_AXES} more"] if len(values) > _MOST_NAMED_AXES else []
+    return f"{', '.join(named)} (trial {number})" if named else f"trial {number}"
+
+
+def _briefly(value: Value) -> str:
+    if not isinstance(value, str):
+        return f"{value:.3g}"
+    return value if len(value) <= _LONGEST_NAMED_VALUE else f"{value[: _LONGEST_NAMED_VALUE - 1]}…"
+
+
 AXIS_TAG = "robomaker:axis:"
 """Beginning of the tags of a job that say its cell, of the axes of its step; the name of the axis follows."""
 _TAG_NUMBER = re.compile(r"-?[0-9]+(\.[0-9]+)?(e[-+]?[0-9]+)?")

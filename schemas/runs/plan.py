@@ -20,7 +20,8 @@
 | `failure-state.json`, `.npy`, `failure-model.mjb` | the physics of a run that broke after MuJoCo had warned |
 """
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -31,6 +32,7 @@ from ..wire.base import Model, ShapeName, optional
 from .axes import AxisSetting
 from .programs import ApplicationRole, ComputeLimits, FailureBehavior, FoundFiles, PortPlan, ProgramPlan, ToolEnds
 from .requirement_kinds.kind import Requirement
+from .requirement_kinds.off import NO_HARD_COLLISION, ROOMS_VISITED
 from .requirements import JobRequirements
 from .ros_options import RosPlan
 from .trials import Trials
@@ -251,6 +253,11 @@ _WENT_ON_WITHOUT = {"video_error": "no video", "camera_error": "no camera in the
 """Entries of `extra` with the reason for a missing output, each with a description of the output."""
 
 
+def _missed_at(requirement: Requirement) -> float:
+    """Returns the simulated time at which a requirement was missed; infinite if that showed at the end."""
+    return math.inf if requirement.first_violation_s is None else requirement.first_violation_s
+
+
 class RunResult(Model):
     """Content of a simulation run's `result.json`: verdict, requirements, metrics, rooms and collisions."""
 
@@ -287,16 +294,42 @@ class RunResult(Model):
 
     @property
     def missed(self) -> list[Requirement]:
-        """Requirements that made the verdict FAIL or ERROR: errors first, the job's own before the environment's."""
+        """Requirements that made the verdict FAIL or ERROR: errors, then in the order in which they were missed.
+
+        Of those missed at the same time, or at the end, the job's own come before the environment's.
+        """
         missed = [item for item in self.requirements if item.counts and not item.satisfied]
-        return sorted(missed, key=lambda item: (item.error is None, item.kind is None))
+        return sorted(missed, key=lambda item: (item.error is None, _missed_at(item), item.kind is None))
 
     @property
     def reason(self) -> str | None:
         """Reason for the verdict FAIL or ERROR: the measured and the required value; `None` for other verdicts."""
         if self.verdict not in ("FAIL", "ERROR"):
             return None
-        return "; ".join(f"{item.name}: {item.detail}" for item in self.missed) or self.summary
+        told = [item for item in self.missed if not self._goes_without_saying(item)] or self.missed
+        return "; ".join(f"{item.name}: {item.detail}" for item in told) or self.summary
+
+    def _goes_without_saying(self, item: Requirement) -> bool:
+        """Returns whether a missed requirement of the environment follows from what the job's own requirements say.
+
+        The job's ended the run before all rooms could be visited, or tell of its hardest collision.
+        """
+        if item.kind is not None or item.error is not None:
+            return False
+        if item.name == ROOMS_VISITED:
+            return self.ended_by == "requirements"
+        return item.name == NO_HARD_COLLISION and any(map(self._tells_hardest, self.missed))
+
+    def _tells_hardest(self, item: Requirement) -> bool:
+        """Returns whether a missed requirement of the job tells of the hardest collision of the run.
+
+        It has that force, or is about the thing that was hit; `others` and `ignore` may leave that out.
+        """
+        hardest = max(self.collisions, key=lambda each: each.max_force_N, default=None)
+        if item.kind != "no_collision" or hardest is None:
+            return False
+        has_force = item.unit == "N" and item.value is not None and round(item.value, 2) >= hardest.max_force_N
+        return has_force or item.other == hardest.other
 
     def unjudged(self) -> "RunResult":
         """Returns the result without a verdict, for a run that was cancelled."""
@@ -320,3 +353,20 @@ class RunResult(Model):
                 return True
             case _:
                 return False
+
+
+_NEEDS_WORLD: Mapping[str, str] = {
+    "indoor-navigation": "indoor-navigation drives through a world",
+    "scout": "scout plans on the map of a world",
+}
+_REMEDY = 'name one in the simulation application: worldConfigs: [{"world": "<ARN of a world>"}]'
+
+
+def why_a_world(application: str) -> str | None:
+    """Returns why a job with an application has to name a world, and how; `None`: it brings its own, or needs none.
+
+    Args:
+        application: Name of a robot or simulation application.
+    """
+    need = _NEEDS_WORLD.get(application)
+    return need and f"{need} and the job names none; {_REMEDY}"

@@ -16,7 +16,7 @@ from ..wire.common import raise_all, unique_names
 from ..wire.errors import InvalidParameterException
 from ..wire.job_configs import JobRequest, given_once, is_program, launches
 from ..wire.json_values import is_list, is_mapping
-from ..wire.request_problems import parsed_member
+from ..wire.request_problems import nearest_of, parsed_member
 from . import requirement_kinds
 from .requirement_kinds.goal import goals_at_start
 from .requirement_kinds.kind import RequirementKind
@@ -228,8 +228,8 @@ def unknown_room(asked: Sequence[tuple[str, str]], rooms: Sequence[str]) -> str 
 
 
 def no_such_room(room: str, rooms: Sequence[str]) -> str:
-    """Makes the error text for a room name that is not in the world, with the rooms that are."""
-    return f"the world has no room {room!r}; its rooms are {', '.join(rooms)}"
+    """Makes the error text for a room name that is not in the world: the room that may be meant, and all there are."""
+    return f"the world has no room {room!r}{nearest_of(room, rooms, 'its rooms are')}"
 
 
 def _has_world(request: JobRequest) -> bool:

@@ -5,7 +5,7 @@ cells come after all others. Where all axes list values, points may be more than
 again has the next seeds, as a copy with the same cell and seed would count as evidence and is none.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import prod
@@ -66,9 +66,15 @@ class Cells:
     holder: str = "a job"
     """Noun in messages for what has them, and a limit of them: `a job`, or `a step`."""
 
-    def problems(self) -> list[str]:
-        """Returns everything that is wrong, each after the path of its member."""
-        return [*self._wrong_design(), *self._wrong_cells()] or [*self._wrong_count()]
+    def problems(self, wrong: Set[str] = frozenset()) -> list[str]:
+        """Returns everything that is wrong, each after the path of its member.
+
+        Args:
+            wrong: Members that are wrong themselves, so that nothing is said that depends on them.
+        """
+        knows_design = self.axes and not wrong & {"design", "points"} if wrong else True
+        found = [*(self._wrong_design() if knows_design else ()), *self._wrong_cells()]
+        return found if found or wrong else [*self._wrong_count()]
 
     @property
     def count(self) -> int:

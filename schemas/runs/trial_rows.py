@@ -97,6 +97,11 @@ class TrialCounts(Model):
     failed: int = Field(default=0, description="Number of trials with verdict FAIL.")
     errors: int = Field(default=0, description="Number of trials with verdict ERROR.")
     unjudged: int = Field(default=0, description="Number of trials with verdict NONE.")
+    copies: int = Field(
+        default=0,
+        description="Number of trials with verdict PASS or FAIL that went through the same states as an earlier one "
+        "and were judged alike.",
+    )
 
     @property
     def total(self) -> int:

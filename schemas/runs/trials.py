@@ -43,9 +43,10 @@ class Trials(Shape):
     """Trials of a simulation job: how often the episode is repeated, over which seeds and values of axes."""
 
     seeds: TrialCount = Field(
+        default=1,
         description="How many trials there are of each cell, that is of each combination of values of the axes: with "
         "the job's seed, 0 unless the request gives one, and with those after it. A cell that a design has again gets "
-        "the next ones."
+        "the next ones.",
     )
     axes: TrialAxes | None = optional(
         "Axes, along which cells differ, by name: an environment variable by its own name (`kind: variable`), or a "
@@ -226,17 +227,22 @@ def planned_trials(request: Mapping[str, Any]) -> int:
     Args:
         request: Request, checked or not; invalid trials count as none.
     """
-    found = _understood(request)
+    found = trials_in(request)
     return found.count if found else 0
 
 
 def trials_seeds(request: Mapping[str, Any]) -> int:
     """Counts the seeds that the trials of a raw request take, 1 for a single episode; see `planned_trials`."""
-    found = _understood(request)
+    found = trials_in(request)
     return found.seeds_taken if found else 1
 
 
-def _understood(request: Mapping[str, Any]) -> Trials | None:
+def trials_in(request: Mapping[str, Any]) -> Trials | None:
+    """Returns the trials that a raw request orders; `None` for a single episode.
+
+    Args:
+        request: Request, checked or not; invalid trials count as none.
+    """
     for given in (request.get("trials"), *_texts(request)):
         with suppress(ValidationError, InvalidParameterException):
             if isinstance(given, str):

@@ -1,5 +1,6 @@
 """Results of running a run again: whether its states are the same, and what decides how it ends if they are not."""
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -9,6 +10,7 @@ from pydantic import Field
 
 from ..exit_codes import BROKE, OK, VERDICT_FAILED
 from ..wire.base import Model, optional
+from ..wire.common import counted
 
 Answer = Literal["bit-identical", "diverged", "not comparable"]
 
@@ -39,6 +41,9 @@ class Divergence(Model):
     value: float | None = optional("Value in the run.")
     value_again: float | None = optional("Value in the rerun.")
     value_time_s: float | None = optional("Simulated time of both values.")
+    command: str | None = optional(
+        "First command of the robot's program that differs, if that was before the states: step, time, both values."
+    )
 
 
 class Verification(Model):
@@ -66,8 +71,16 @@ class Verification(Model):
             return f"not comparable: {'; '.join(self.reasons)}"
         how = ROBOT_IN_WORDS[self.robot]
         if self.divergence is not None:
-            return f"diverged at t={self.divergence.time_s:.3f} s {self.divergence.what}{how}"
+            return f"diverged at t={self.divergence.time_s:.3f} s {self.divergence.what}{how}{self._first_command}"
         return f"bit-identical: {self.looks} states over {self.until_s or 0.0:.3f} s{how}"
+
+    @property
+    def _first_command(self) -> str:
+        command = self.divergence and self.divergence.command
+        if not command:
+            return ""
+        job = self.job_arn.rpartition("/")[2]
+        return f"; first difference in the command{command}; robomaker flaky RUN --job {job} finds the source of chance"
 
 
 class ReproductionFolder(Model):
@@ -115,6 +128,9 @@ SIDE_IN_WORDS: Mapping[Side, str] = {
     "one process": "Robot and simulation are one process, so that no commands tell them apart.",
     "unknown": "Whether it is the robot or the simulation is not known.",
 }
+_RARE = 20
+"""Runs of which one ends otherwise: of a job that flips so seldom, reruns that repeat say little."""
+_SURE = 0.95
 FLAKY_EXIT_CODES: Mapping[FlakyAnswer, int] = {
     "repeats": OK,
     "decided": VERDICT_FAILED,
@@ -177,7 +193,7 @@ class Flakiness(Model):
         return f"the verdict stays {end} in {total}, which went {free.ways} different ways"
 
     def _lines(self) -> list[str]:
-        lines: list[str] = []
+        lines: list[str] = self._of_repeats() if self.answer == "repeats" else []
         if self.answer == "decided" and self.decides is not None:
             held = [each for each in self.tried if self.decides in each.held]
             free = [each for each in self.tried if each.held and self.decides not in each.held]
@@ -197,8 +213,29 @@ class Flakiness(Model):
             lines.append(f"First difference {self.first_difference}.")
         return [*lines, *self.notes]
 
+    def _of_repeats(self) -> list[str]:
+        """Says what was varied where all reruns were alike, and which rare failure they could have missed."""
+        free = self._with(())
+        if free is None:
+            return []
+        done = sum(free.ends.values())
+        missed = (1 - 1 / _RARE) ** done
+        return [
+            f"{counted(done, 'rerun')} as the job was; nothing else was varied, because they all ended alike.",
+            f"A job that ends otherwise in 1 of {_RARE} runs looks like this in {missed:.0%} of such examinations: "
+            f"{_reruns_to_see(_RARE)} reruns would be needed to see it ({_SURE:.0%} sure).",
+        ]
+
     def _with(self, held: tuple[Factor, ...]) -> TriedHold | None:
         return next((each for each in self.tried if tuple(each.held) == held), None)
+
+
+def _reruns_to_see(runs: int) -> int:
+    """Returns how many reruns show an end of one in so many runs at least once, as sure as `_SURE`.
+
+    It is the rule of three, the other way round: none of n does so with the chance (1 - p)^n.
+    """
+    return math.ceil(math.log(1 - _SURE) / math.log(1 - 1 / runs))
 
 
 def _counted(ends: Mapping[str, int]) -> str:

@@ -31,6 +31,11 @@ _TOKEN = "clientRequestToken"  # noqa: S105 - a member's name
 _APPLICATIONS = ("simulationApplications", "robotApplications")
 
 
+def is_sabotaged(tags: Mapping[str, str]) -> bool:
+    """Returns whether tags are those of a job that a challenge has sabotaged, whose failure is what it is for."""
+    return SABOTAGE_TAG in tags and JOB_TAG in tags  # one of these alone may be somebody's own
+
+
 def challenged_spec(spec: CheckedSpec, jobs: int) -> CheckedSpec:
     """Returns the part of a specification that a challenge runs: its simulation steps, as batches, and those they need.
 

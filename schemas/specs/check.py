@@ -4,8 +4,9 @@ import re
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import PurePath
-from typing import Any, get_args
+from typing import Any, TypeAlias, get_args
 
 from pydantic import ValidationError
 
@@ -17,6 +18,8 @@ from ..wire.request_problems import Location, closest, first_words, nearest, pat
 from .checking.application_names import application_notes
 from .checking.impossible_goals import room_problems, world_count_problems
 from .checking.inputs import InputCheck
+from .checking.known_entries import known_notes
+from .checking.missing_worlds import missing_world_problems
 from .checking.respelling import respelt
 from .checking.step_order import circles, in_order
 from .parameter_folding import fold_parameters
@@ -74,6 +77,27 @@ def load_spec(
 
     Raises:
         SpecError: With everything that is wrong.
+    """
+    spec, problems = read_as_far_as_possible(
+        text, filename, parameters, is_complete=is_complete, most_worlds=most_worlds
+    )
+    return _without_problems(spec, problems)
+
+
+def read_as_far_as_possible(
+    text: str,
+    filename: str,
+    parameters: Mapping[str, Any] | None = None,
+    *,
+    is_complete: bool = True,
+    most_worlds: int | None = None,
+) -> tuple[CheckedSpec, list[Problem]]:
+    """Reads a specification file as `load_spec` does, and returns what can be read of it, and all its problems.
+
+    One that has problems cannot run: it has no order of steps, and its steps may have anything as input.
+
+    Raises:
+        SpecError: The text is no YAML, or no mapping.
     """
     given = _Given(parameters or {}, is_complete, most_worlds)
     root = parse(text, filename)
@@ -136,7 +160,17 @@ def load_request(text: str, filename: str, operation: str) -> CheckedSpec:
     root = parse(text, filename)
     if not isinstance(root, MappingNode):
         raise SpecError([Problem(root.place, "", f"a request of {operation} is a mapping")])
-    return _load_bare(root, ScalarNode(root.place, operation, operation), text, filename, _Given())
+    return _without_problems(*_load_bare(root, ScalarNode(root.place, operation, operation), text, filename, _Given()))
+
+
+def _without_problems(spec: CheckedSpec, problems: list[Problem]) -> CheckedSpec:
+    if problems:
+        raise SpecError(problems, spec.notes)
+    return spec
+
+
+_Found: TypeAlias = tuple[CheckedSpec, list[Problem]]
+"""Specification as far as it can be read, and its problems."""
 
 
 @dataclass(frozen=True)
@@ -148,7 +182,7 @@ class _Given:
     most_worlds: int | None = None
 
 
-def _load_bare(request: MappingNode, operation: Node, text: str, filename: str, given: _Given) -> CheckedSpec:
+def _load_bare(request: MappingNode, operation: Node, text: str, filename: str, given: _Given) -> _Found:
     """Checks a request that is given without operation and input around it."""
     step = MappingNode(request.place, {"operation": operation, "input": request}, request.key_places)
     return _load_single({}, step, text, filename, ("input",), given)
@@ -156,11 +190,8 @@ def _load_bare(request: MappingNode, operation: Node, text: str, filename: str, 
 
 def _load_single(
     head: Mapping[str, Node], step: MappingNode, text: str, filename: str, hidden: Location, given: _Given
-) -> CheckedSpec:
-    """Checks a single step, by putting a pipeline around it that is invisible to the user; its name is the file's.
-
-    Raises SpecError with all problems.
-    """
+) -> _Found:
+    """Checks a single step, by putting a pipeline around it that is invisible to the user; its name is the file's."""
     stem = re.sub(r"[^a-zA-Z0-9_\-]+", "-", PurePath(filename).name.split(".")[0]).strip("-_")[:100] or "request"
     name = re.sub(r"\W|^(?=\d)", "_", stem)[:63]
     entries: dict[str, Node] = {
@@ -191,17 +222,17 @@ class _Check:
         self._settled = Settled()
         self._problems: list[Problem] = []
 
-    def run(self) -> CheckedSpec:
-        """Runs all checks of the specification and returns it checked, with the notes on it.
+    def run(self) -> _Found:
+        """Runs all checks of the specification and returns it with the notes on it, and its problems.
 
-        Raises SpecError with all problems, in the order of the file.
+        Problems are in the order of the file.
         """
         self._check_document()
         self._settle_parameters()
         sabotages = self._sabotages()
         nodes = self._step_nodes()
         if len(nodes) > MAX_STEPS:
-            raise SpecError(self._problems)
+            nodes = {}  # which has been told, and would take long
         # A single step has nothing to refer to.
         referable = {} if self._hidden else {name: node for name, node in nodes.items() if name != PARAMETERS}
         scope = {name: _output_kind(node) for name, node in referable.items()}
@@ -209,16 +240,20 @@ class _Check:
         steps = {name: step for name, step in found if step is not None}
         order = self._order(steps)
         self._problems.extend(room_problems(steps))
+        self._problems.extend(missing_world_problems(steps))
         if (most := self._given.most_worlds) is not None:
             told = [each.path for each in self._problems]
             too_many = world_count_problems(steps, most)
             self._problems.extend(each for each in too_many if not any(path.startswith(each.path) for path in told))
         notes = tuple(application_notes(steps))
-        if self._problems:
-            raise SpecError(sorted(set(self._problems), key=lambda problem: _position(problem.place)), notes)
-        return CheckedSpec(
-            name=str(plain(self._root.entries["name"])),
-            description=str(plain(self._root.entries["description"])) if "description" in self._root.entries else "",
+        problems = sorted(dict.fromkeys(self._problems), key=lambda problem: _position(problem.place))
+        known = () if problems else self._known()
+        named = {
+            key: str(plain(self._root.entries[key])) for key in ("name", "description") if key in self._root.entries
+        }
+        spec = CheckedSpec(
+            name=named.get("name", ""),
+            description=named.get("description", ""),
             filename=self._filename,
             text=self._text,
             steps=steps,
@@ -226,10 +261,11 @@ class _Check:
             declared=self._declared,
             parameters=self._settled.values,
             missing=self._settled.missing,
-            notes=notes,
+            notes=(*notes, *known_notes(self._root, known, steps, datetime.now(UTC).date())),
             sabotages=sabotages,
-            known=self._known(),
+            known=known,
         )
+        return spec, problems
 
     def _known(self) -> tuple[KnownFailure, ...]:
         """The known failures of a document that has no problems."""
@@ -351,6 +387,8 @@ class _Check:
                     continue  # that has been told already
                 hint = nearest(each, scope) or f"; there are {first_words(scope)}"
                 self._report(("steps", name, "needs", position), f"there is no step {each!r}{hint}")
+            elif each == name:
+                self._report(("steps", name, "needs", position), "needs itself; leave it out")
             elif isinstance(each, str):
                 found.add(each)
         return found

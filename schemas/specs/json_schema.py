@@ -49,6 +49,7 @@ def spec_schema() -> dict[str, Any]:
     definitions |= _DEFINITIONS
     _allow_names_of_worlds(definitions)
     _allow_body(definitions)
+    _allow_no_role(definitions)
     axis = definitions[StepAxis.__name__]["properties"]
     definitions[StepAxis.__name__]["properties"] = {name: _written_out(each) for name, each in axis.items()}
     definitions["Step"] = _step(definitions["Step"])
@@ -202,6 +203,17 @@ def _allow_body(definitions: dict[str, Any]) -> None:
         if "templateBody" in properties:
             alternatives = [each for each in properties["templateBody"]["anyOf"] if each.get("type") != "object"]
             properties["templateBody"]["anyOf"] = [{"$ref": "#/$defs/WorldTemplateBody"}, *alternatives]
+
+
+def _allow_no_role(definitions: dict[str, Any]) -> None:
+    """Changes definitions of a JSON schema: steps that name no role have that of calls in Python.
+
+    `definitions` is changed in place.
+    """
+    for operation in STEPS.values():
+        schema = definitions[operation.request.__name__]
+        if "iamRole" in schema.get("required", ()):
+            schema["required"] = [name for name in schema["required"] if name != "iamRole"]
 
 
 def schema_text() -> str:

@@ -17,7 +17,7 @@ from jmespath.exceptions import JMESPathError
 from jmespath.visitor import TreeInterpreter
 
 from ..wire.json_values import is_list, is_mapping
-from ..wire.request_problems import first_words, nearest
+from ..wire.request_problems import first_words, nearest_ones
 from .reference_typing import TEXT, Anything, Kind, Record, ReferenceMistake, Scalar, infer
 
 MAX_WORK = 1_000_000
@@ -106,7 +106,7 @@ class Reference:
         if unknown := sorted(self.names() - scope.keys()):
             if unknown[0] == PARAMETERS:
                 raise ReferenceMistake("there are no parameters: the specification declares none")
-            hint = nearest(unknown[0], scope)
+            hint = nearest_ones(unknown[0], scope)
             if not hint:
                 steps = [name for name in scope if name != PARAMETERS]
                 hint = f"; there are {first_words(steps)}" if steps else "; this file has no steps to refer to"

@@ -186,6 +186,9 @@ class CheckedSpec:
     seed: int | None = None
     """Seed that replaces those in the file; `None`: those in the file are used."""
 
+    found_worlds: Mapping[str, str] = field(default_factory=dict[str, str])
+    """ARNs of the worlds that the file names by something else, by name; they are in the steps' inputs already."""
+
     @property
     def text_for_others(self) -> str:
         """The specification file's text without secrets, to show it to others; as JSON if secrets had to be removed."""

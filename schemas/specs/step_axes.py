@@ -13,22 +13,21 @@ Members and designs are those of trials. What an axis varies is where its name s
 its cell in its tags, which keep it through batches, reruns and records.
 """
 
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Literal, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias, overload
 
 from pydantic import AfterValidator, Field, ValidationError, WithJsonSchema
 
 from ..runs.axes import AXIS_TAG, MAX_AXES, tag_value
-from ..runs.axis_kinds.kind import MAX_VALUES, AxisRange, NormalDistribution, NumberAxis, Rig, Setter, check_different
+from ..runs.axis_kinds.kind import MAX_VALUES, AxisRange, NormalDistribution, NumberAxis, Rig, Setter, repeated_words
 from ..runs.trial_designs import CellAxis, Cells, TrialDesign
 from ..runs.trials import trials_seeds
 from ..runs.variables import secret_names
 from ..wire.base import Model, optional
 from ..wire.common import MAX_SEED
-from ..wire.json_values import is_mapping
-from ..wire.request_problems import Location, RequestProblem, placed_by_its_path, problems_of
+from ..wire.json_values import is_list, is_mapping
+from ..wire.request_problems import Location, RequestProblem, nearest, placed_by_its_path, problems_of
 
 AXES = "axes"
 SEEDS = "seeds"
@@ -138,6 +137,37 @@ class _ListedAxis:
         return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
 
 
+class _EveryValue(Sequence[Scalar]):
+    """Values of an axis that is wrong itself: which ones it should have is not known, so that each is one of them."""
+
+    def __len__(self) -> int:
+        return 1
+
+    @overload
+    def __getitem__(self, index: int) -> Scalar: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Scalar]: ...
+
+    def __getitem__(self, index: int | slice) -> Scalar | Sequence[Scalar]:
+        """Returns no value that anything depends on."""
+        return self if isinstance(index, slice) else ""
+
+    def __contains__(self, value: object) -> bool:
+        return True
+
+
+class _UnreadAxis(_ListedAxis):
+    """Stand-in for an axis that is wrong itself, beside which other axes and cells are checked."""
+
+    def __init__(self) -> None:
+        super().__init__(_EveryValue())
+
+    def parse(self, text: Any) -> Scalar:
+        """Returns the value of a cell as it is."""
+        return text
+
+
 def axes_problems(written: Mapping[str, Any]) -> tuple[Cells | None, list[RequestProblem]]:
     """Checks axes of a step whose values are known.
 
@@ -147,17 +177,23 @@ def axes_problems(written: Mapping[str, Any]) -> tuple[Cells | None, list[Reques
     Returns:
         Its cells and no problems if all is right, else `None` and the problems, located inside the construct.
     """
+    problems: list[RequestProblem] = []
+    wrong: set[Location] = set()
     try:
         found = StepAxes.model_validate({**written, VALUE: {}})
     except ValidationError as error:
-        _, problems = _built(_well_formed(written.get(AXES)))
-        return None, [*map(_about_kind, problems_of(error, StepAxes)), *problems]
-    axes, problems = _built(found.axes)
-    if problems:
-        return None, [*problems, *_incomplete(found)]
+        problems = [_about_kind(each) for each in problems_of(error, StepAxes)]
+        wrong = {each.location[: 2 if each.location[:1] in _WITH_PARTS else 1] for each in problems}
+        try:
+            found = StepAxes.model_validate({**_readable(written, wrong), VALUE: {}})
+        except ValidationError:  # it has more problems than are told
+            return None, problems
+    axes, wrong_axes = _built(found.axes)
+    problems += wrong_axes
+    unread = found.axes.keys() - axes.keys() | {str(name) for key, *rest in wrong if key == AXES for name in rest}
     cells = Cells(
-        axes=axes,
-        design=found.design,
+        axes={**axes, **{name: _UnreadAxis() for name in unread}},
+        design="random" if ("design",) in wrong else found.design,  # which has no rule about excluded values
         points=found.points,
         include=found.include or (),
         exclude=found.exclude or (),
@@ -166,18 +202,26 @@ def axes_problems(written: Mapping[str, Any]) -> tuple[Cells | None, list[Reques
         counted="jobs",
         holder="a step",
     )
-    told = [placed_by_its_path(line, (), written) for line in cells.problems()]
-    told += _incomplete(found)
-    return (None, told) if told else (cells, [])
+    members = {str(each.location[0]) for each in problems if each.location}
+    told = [placed_by_its_path(line, (), written) for line in cells.problems(members)]
+    told += _incomplete(found, cells.axes.keys())
+    problems += (each for each in told if each.location[:2] not in wrong)
+    return (None, problems) if problems else (cells, [])
 
 
-def _well_formed(axes: object) -> dict[str, StepAxis]:
-    """Returns the axes of a step whose members have the right types; others are left out."""
-    found: dict[str, StepAxis] = {}
-    for name, axis in axes.items() if is_mapping(axes) else ():
-        with suppress(ValidationError):
-            found[str(name)] = StepAxis.model_validate(axis)
-    return found
+_WITH_PARTS = ((AXES,), ("include",), ("exclude",))
+"""Members of which only a part is left out if it is wrong: an axis, or a cell."""
+
+
+def _readable(written: Mapping[str, Any], wrong: Set[Location]) -> dict[str, Any]:
+    """Returns axes of a step without the parts that are wrong; cells keep their positions."""
+    kept = {key: value for key, value in written.items() if (key,) not in wrong}
+    if is_mapping(axes := kept.get(AXES)):
+        kept[AXES] = {name: axis for name, axis in axes.items() if (AXES, name) not in wrong}
+    for key in ("include", "exclude"):
+        if is_list(cells := kept.get(key)):
+            kept[key] = [{} if (key, number) in wrong else cell for number, cell in enumerate(cells)]
+    return kept
 
 
 def _built(axes: Mapping[str, StepAxis]) -> tuple[dict[str, CellAxis], list[RequestProblem]]:
@@ -201,7 +245,7 @@ def _secrets(names: Mapping[str, Any]) -> list[RequestProblem]:
 def _axis(axis: StepAxis) -> CellAxis:
     given = [name for name in ("values", "range", "normal") if getattr(axis, name) is not None]
     if given == ["values"] and axis.values is not None:
-        check_different([_key(value) for value in axis.values])
+        _check_different(axis.values)
         try:
             _check_truth(axis.values)
             for value in axis.values:
@@ -210,6 +254,15 @@ def _axis(axis: StepAxis) -> CellAxis:
             raise ValueError(f"values: {error}") from None
         return _ListedAxis(axis.values)
     return _SpreadAxis(range=axis.range, normal=axis.normal, values=None if axis.values is None else ["0"])
+
+
+def _check_different(values: Sequence[Scalar]) -> None:
+    """Raises ValueError for values that occur twice; it says them as the file does."""
+    keys = [_key(value) for value in values]
+    written = dict(zip(keys, values, strict=True))
+    if twice := sorted(key for key in written if keys.count(key) > 1):
+        shown = (written[key] for key in twice)
+        raise ValueError(repeated_words(repr(each) if isinstance(each, str) else tag_value(each) for each in shown))
 
 
 def _check_length(value: Scalar) -> None:
@@ -249,12 +302,12 @@ def _about_kind(problem: RequestProblem) -> RequestProblem:
     return problem
 
 
-def _incomplete(found: StepAxes) -> list[RequestProblem]:
+def _incomplete(found: StepAxes, names: Set[str]) -> list[RequestProblem]:
     """Finds included cells without a value for some axis, whose references would have none."""
     return [
         RequestProblem(("include", number), f"has no value of {', '.join(missing)}; a cell of a step has all axes")
         for number, cell in enumerate(found.include or ())
-        if (missing := [name for name in found.axes if name not in cell])
+        if (missing := [name for name in names if name not in cell and not nearest(name, cell.keys() - names)])
     ]
 
 

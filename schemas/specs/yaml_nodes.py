@@ -243,7 +243,9 @@ class _Reader:
 
     def _key(self, event: _Event) -> str:
         if not _is_scalar(event):
-            self._refuse(event, "a key has to be plain text")
+            is_braced = isinstance(event, MappingStartEvent) and bool(getattr(event, "flow_style", False))
+            hint = "; a reference is written ${{ … }}, with the dollar" if is_braced else ""
+            self._refuse(event, f"a key has to be plain text{hint}")
         if event.value == "<<" and event.style is None:
             self._refuse(event, "merge keys (<<) are not part of YAML 1.2; repeat the entries, or alias a whole value")
         return self._text(event)

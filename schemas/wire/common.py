@@ -99,6 +99,17 @@ def counted(count: int, noun: str, form: str = "") -> str:
     return f"{count:{form}} {noun}{'' if count == 1 else 's'}"
 
 
+def passed_of(passed: int, total: int, noun: str) -> str:
+    """Returns how many passed: `3 of 4 jobs passed`.
+
+    Args:
+        passed: Number of those that passed.
+        total: Number of all.
+        noun: Word for one of them, whose plural ends with an s.
+    """
+    return f"{passed} of {counted(total, noun)} passed"
+
+
 def shorten(reason: str, limit: int = 1024) -> str:
     """Shortens a failure reason to the length limit of the service: keeps the beginning and, if long, the end.
 

@@ -27,6 +27,7 @@ RobomakerError
 ├── WorldGenerationError                      no valid world within the allowed attempts
 ├── AttestationError                          an attestation that is not what it has to be
 ├── LaunchError                               an application that cannot be started, and why
+├── UnknownNameError                          a name that a mapping of results lacks; it is a KeyError, too
 └── StateConflictError                        a transition that its state machine does not allow
 ```
 
@@ -126,9 +127,11 @@ class Problem:
 
 
 class SpecError(RobomakerError):
-    """Raised for a specification with one or more problems; nothing of it has been run."""
+    """Raised for a specification, or a single request, with one or more problems; nothing of it has been run."""
 
     exit_code = BAD_USAGE
+    page = "docs/specification.md has the language"
+    """Clause on the page that says what would be right."""
 
     def __init__(self, problems: list[Problem], notes: Sequence[Problem] = ()) -> None:
         self.problems = problems
@@ -225,6 +228,13 @@ class DeploymentError(RobomakerError):
 
 class LaunchInterruptedError(LaunchError):
     """Raised when a process that starts runs was killed during the start; a retry may succeed."""
+
+
+class UnknownNameError(RobomakerError, KeyError):
+    """Raised when a mapping of results has no entry of a name; the message has the names that it has."""
+
+    # A KeyError would show its message in quotes.
+    __str__ = Exception.__str__
 
 
 class StateConflictError(RobomakerError):

@@ -3,7 +3,7 @@
 import difflib
 import re
 import types
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import Annotated, Any, Union, get_args, get_origin
@@ -20,7 +20,9 @@ _MOST_FINDINGS = 10_000  # the validator gives all or none; of 200,000 that take
 LEAST_LIKENESS = 0.6
 """Minimum similarity of two names to suggest one for the other."""
 _TAKEN_FOR = 0.8  # what is this near is read as the other name, and not only asked about
+_ABOUT = 0.05  # words that differ by less in their similarity to a third are about as similar
 _MOST_SHOWN = 50  # of a list or a mapping, whatever its size: the first of them fill a line
+_LONGEST_SHOWN = 80  # characters of a value; of a longer one, its beginning
 MAX_PROBLEMS = 100
 """Maximum number of reported problems of a request; more do not help, and take long to describe."""
 
@@ -62,6 +64,26 @@ def nearest(word: str, words: Iterable[str]) -> str:
     """Returns `; did you mean 'x'?` with the most similar of some words; empty if none is similar."""
     near = closest(word, words, LEAST_LIKENESS)
     return "" if near is None else f"; did you mean {near!r}?"
+
+
+def nearest_of(word: str, words: Sequence[str], these: str) -> str:
+    """Returns all words that there are, after the most similar one: `; did you mean 'x'? Its rooms are x, y`.
+
+    Args:
+        word: The word that is not among them.
+        words: Those that there are.
+        these: Words before the list, such as `its rooms are`.
+    """
+    listed = f"{these} {', '.join(words)}"
+    near = nearest(word, words)
+    return f"{near} {listed[0].upper()}{listed[1:]}" if near else f"; {listed}"
+
+
+def nearest_ones(word: str, words: Iterable[str]) -> str:
+    """Returns `; did you mean 'x' or 'y'?` with the most similar word and others about as similar; empty: none."""
+    ranked = sorted(((_likeness(word, each), each) for each in words), reverse=True)
+    near = [repr(each) for likeness, each in ranked if likeness >= max(LEAST_LIKENESS, ranked[0][0] - _ABOUT)]
+    return f"; did you mean {' or '.join(near)}?" if near else ""
 
 
 def closest(word: str, words: Iterable[str], least_likeness: float = _TAKEN_FOR) -> str | None:
@@ -174,7 +196,7 @@ def _problem(details: ErrorDetails, model: type[BaseModel]) -> RequestProblem:
         members = _members(_model_at(model, details.get("ctx", {}).get("tagged", location)[:-1]))
         hint = nearest(str(location[-1]), members) or f"; known are {', '.join(members)}"
         return RequestProblem(location, f"is not known{hint}", about_key=True)
-    described = f"{_shown(details['input'])}; {_wanted(details)}"
+    described = f"{_shown(details['input'])}; {_wanted(details)}{_as_list(details, model)}"
     if location and location[-1] == "[key]":
         return RequestProblem(location[:-1], f"the key is {described}", about_key=True)
     return RequestProblem(location, f"is {described}")
@@ -233,7 +255,7 @@ def _shown(value: object) -> str:
 
 
 def _shortened(text: str) -> str:
-    return text if len(text) <= 80 else f"{text[:70]}… ({len(text)} characters)"
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[:70]}… ({len(text)} characters)"
 
 
 _WANTED = {
@@ -243,7 +265,6 @@ _WANTED = {
     "too_long": "its length may be at most {max_length}",
     "greater_than_equal": "it has to be at least {ge}",
     "less_than_equal": "it may be at most {le}",
-    "literal_error": "it has to be {expected}",
     "string_type": "it has to be text",
     "int_type": "it has to be a whole number",
     "greater_than": "it has to be above {gt}",
@@ -257,12 +278,40 @@ _WANTED = {
 }
 
 
+_MORE_ON_CHOICES = {
+    "'Kinetic', 'Melodic', 'Dashing' or 'Foxy'": "; for Humble write Foxy, for later releases leave it out: the ROS of "
+    "the application runs, whatever it says",
+}
+"""Advice on what AWS RoboMaker's choices lack, by the choices."""
+
+
 def _wanted(details: ErrorDetails) -> str:
     context = dict(details.get("ctx", {}))
+    if details["type"] == "literal_error":
+        return f"it has to be {context['expected']}{_MORE_ON_CHOICES.get(context['expected'], '')}"
     if "pattern" in context:
         return f"it has to be {pattern_in_words(context['pattern'])}"
     template = _WANTED.get(details["type"])
-    return template.format_map(context) if template else details["msg"]
+    return (template.format_map(context) if template else details["msg"]) + _unit(details)
+
+
+_UNITS = {"int_type": " of seconds, such as 300", "float_type": " of seconds, such as 20"}
+
+
+def _unit(details: ErrorDetails) -> str:
+    """Returns the unit of a number of seconds, which texts such as `5m` leave open; empty for others."""
+    name = str(details["loc"][-1]) if details["loc"] else ""
+    return _UNITS.get(details["type"], "") if name.endswith(("Seconds", "_s")) else ""
+
+
+def _as_list(details: ErrorDetails, model: type[BaseModel]) -> str:
+    """Returns `: [tagged]` for a text where a list of texts has to be; empty for others."""
+    said = details["input"]
+    if details["type"] != "list_type" or not isinstance(said, str) or not said or len(said) > _LONGEST_SHOWN:
+        return ""
+    location = details.get("ctx", {}).get("tagged", details["loc"])
+    kind: Any = [*_kinds(model, (*location, 0))][-1]
+    return f": [{said}]" if get_origin(kind) is list and _plain(get_args(kind)[0]) is str else ""
 
 
 _PATTERNS = {

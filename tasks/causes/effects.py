@@ -10,45 +10,67 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ...schemas.reports.causes import AxisEffects, Effect
+from ...schemas.reports.causes import AxisEffects, Effect, Why
 from ..results.rates import margin_units
 from ..results.table import ResultTable
 from .evidence import AxisColumn, Evidence, evidence_of
-from .sensitivity import FEWEST_CLUSTERS, LEVEL, along, judged_margins, there_are, within
+from .sensitivity import FEWEST_CLUSTERS, MOST_VALUES, along, joint_level, judged_margins, there_are, within
 
 FEWEST_OUTCOMES = 10
 """Failures, and passes, from which on their share has an interval: with fewer, those of t are too narrow."""
 FEWEST_EXPECTED = 5
 """Failures, and passes, to be expected of the trials that lie apart on an axis: with fewer, chance alone looks sure."""
-_MOST_VALUES = 20
-"""Values of an axis of texts that are looked at; more have too few trials each."""
 
 
-def axis_effects(results: ResultTable, states: Sequence[str | None] | None = None) -> list[AxisEffects]:
+def axis_effects(
+    results: ResultTable, why: Why | None, states: Sequence[str | None] | None = None
+) -> list[AxisEffects]:
     """Says of each axis of a run whether failures and margins depend on it.
+
+    Failures depend on an axis where a cause with it is claimed of them: one test has one answer in all places.
 
     Args:
         results: The run's table of results.
+        why: Causes of its failures; None: no trial failed.
         states: Digest of all states of each row; None: those of the table; of early releases it has none of
             jobs without trials.
     """
     if not results.axes:
         return []
+    claimed = _claimed_with(why)
+    tested = {axis for lift in (why.lifts if why else ()) for axis in lift.axes}
     evidence = evidence_of(results, states)
     units = {name: next(iter(found)) for name, found in margin_units(results).items() if len(found) == 1}
     measured: list[tuple[str, str | None, NDArray[np.float64]]] = [("", None, evidence.failed.astype(np.float64))]
     measured += [(name, unit, judged_margins(results, evidence, name)) for name, unit in units.items()]
     contrasts = [(axis, list(_contrasts(axis))) for axis in evidence.axes]
-    level = 1 - (1 - LEVEL) / max(1, len(measured) * sum(len(found) for _, found in contrasts))
+    level = joint_level(evidence, len(units))
     told = [
         AxisEffects(
             axis=axis.name,
-            effects=[_effect(*each, evidence, found, level) for each in measured if np.isfinite(each[2]).any()],
+            effects=[
+                _effect(*each, evidence, found, level).model_copy(
+                    update={"claim": "" if each[0] else claimed.get(axis.name, ""), "is_tested": axis.name in tested}
+                )
+                for each in measured
+                if np.isfinite(each[2]).any()
+            ],
         )
         for axis, found in contrasts
     ]
     # Of trials that an idle axis repeats only one is left, so that it has one value here.
     return [*told, *(AxisEffects(axis=name, idle=True) for name in evidence.idle if name not in _names(evidence))]
+
+
+def _claimed_with(why: Why | None) -> dict[str, str]:
+    """Returns for each axis the strongest claim that names it, of all failures first, then of the largest groups."""
+    groups = [] if why is None else [*([why.overall] if why.overall else []), *why.groups]
+    found: dict[str, str] = {}
+    for group in groups:
+        for claim in group.claims:
+            for axis in claim.axes:
+                found.setdefault(axis, f"{group.name}: {claim.region}")
+    return found
 
 
 def _names(evidence: Evidence) -> set[str]:
@@ -60,7 +82,7 @@ def _contrasts(axis: AxisColumn) -> Iterator[tuple[str, NDArray[np.float64]]]:
     if axis.is_number:
         yield "", axis.numbers
         return
-    codes = range(min(len(axis.values), _MOST_VALUES))
+    codes = range(min(len(axis.values), MOST_VALUES))
     for code in codes if len(axis.values) > 2 else codes[1:]:  # two values say the same of each other
         yield axis.label(code), (axis.codes == code).astype(np.float64)
 
@@ -77,7 +99,10 @@ def _effect(
     if not name and (rare := min(evidence.failed.sum(), (~evidence.failed).sum())) < FEWEST_OUTCOMES:
         several = "failures" if evidence.failed.sum() == rare else "passes"
         few = f"an interval takes {FEWEST_OUTCOMES} {several}, and {there_are(int(rare))}"
-        return Effect(on=name, refused=few)
+        if rare:
+            needed = evidence.counted(-(-len(evidence) * FEWEST_OUTCOMES // int(rare)))
+            few += f"; at this rate that takes {needed} instead of {len(evidence):,}"
+        return Effect(on=name, refused=few, too_few=bool(rare))
     if np.nanmax(outcomes) == np.nanmin(outcomes):
         return Effect(on=name, unit=unit, refused="it is the same in all trials")
     found: list[Effect] = []
@@ -92,7 +117,7 @@ def _effect(
         start, end, change, low, high = answer
         found.append(Effect(on=name, unit=unit, value=value, start=start, end=end, change=change, low=low, high=high))
     surest = max(found, key=lambda each: abs(each.change) / max(each.high - each.low, 1e-300), default=None)
-    return surest or Effect(on=name, unit=unit, refused=refused or "there are no trials with it")
+    return surest or Effect(on=name, unit=unit, refused=refused or "there are no trials with it", too_few=True)
 
 
 def _too_few_apart(name: str, outcomes: NDArray[np.float64], evidence: Evidence, numbers: NDArray[np.float64]) -> str:

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from ...schemas.reports.causes import NO_REQUIREMENT
 from ...schemas.runs.axes import AS_BUILT
 from ...schemas.runs.axis_kinds.kind import Value
+from ...schemas.trial_copies import are_copies, copy_key
+from ...schemas.wire.common import counted
 from ..results.table import ResultTable
 
 _NUMBERED = re.compile(r"[\s_.:#-]*\d+$")
@@ -72,10 +74,14 @@ class Evidence:
     rows: NDArray[np.int64]
     """Rows of the table of results."""
     failed: NDArray[np.bool_]
+    failed_copies: int
+    """Number of failures that are left out, as they are copies of others."""
     jobs: NDArray[np.int64]
-    """Number of the trials that a trial is compared with: those of its job; jobs without trials are one of each step
-    and world, so that the axes of the step differ within it.
+    """Number of the trials that a trial is compared with: those of its job; of jobs without trials, and of jobs of a
+    step with axes, those of its step in the same world, so that the axes of the step differ among them.
     """
+    steps: NDArray[np.int64]
+    step_names: tuple[str, ...]
     worlds: NDArray[np.int64]
     world_names: tuple[str, ...]
     seeds: NDArray[np.int64]
@@ -91,6 +97,12 @@ class Evidence:
     """Axes that changed nothing in some job, or that only copied jobs have other values of: trials count once."""
     signatures: tuple[Signature | None, ...]
     """Way in which each trial failed; None: it passed."""
+    of_jobs: bool
+    """Whether all are jobs without trials."""
+
+    def counted(self, count: int) -> str:
+        """Returns a number of them in words: `1 job`, `12 trials`."""
+        return counted(count, "job" if self.of_jobs else "trial", ",")
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -115,14 +127,19 @@ def evidence_of(results: ResultTable, states: Sequence[str | None] | None = None
     state_codes = _state_codes(results.texts("state_digest") if states is None else states)
     kept, idle_in_steps = _without_copied_jobs(results, _distinct(results, judged, state_codes), state_codes)
     rows, idle_in_jobs = _without_idle_axes(results, kept, state_codes)
-    failed = np.isin(codes[rows], [code for code, outcome in enumerate(outcomes) if outcome == "failed"])
+    all_failed = np.isin(codes, [code for code, outcome in enumerate(outcomes) if outcome == "failed"])
+    failed = all_failed[rows]
     worlds, names = _worlds(results, rows)
+    steps, step_names = results.codes("step")
     columns = tuple(_axis(name, results.values(name), rows) for name in results.axes if not _is_world(results, name))
     axes = tuple(each for each in columns if len(each.values) > 1)
     return Evidence(
         rows=rows,
         failed=failed,
+        failed_copies=int(all_failed.sum() - failed.sum()),
         jobs=_compared(results, rows),
+        steps=steps[rows].astype(np.int64),
+        step_names=tuple(step_names),
         worlds=worlds,
         world_names=names,
         seeds=_seeds(results, rows),
@@ -131,15 +148,31 @@ def evidence_of(results: ResultTable, states: Sequence[str | None] | None = None
         twins=len(judged) - len(kept),
         idle=tuple(dict.fromkeys((*idle_in_steps, *idle_in_jobs))),
         signatures=_signatures(results, rows, failed),
+        of_jobs=bool(np.isnan(results.numbers("trial")[rows]).all()),
     )
 
 
 def _compared(results: ResultTable, rows: NDArray[np.int64]) -> NDArray[np.int64]:
     """Numbers the trials that are compared with each other; see `Evidence.jobs`."""
-    alone = np.isnan(results.numbers("trial")[rows])
-    jobs = np.where(alone, 0, _plain(results, "job", rows))
-    worlds = np.where(alone, _worlds(results, rows)[0], 0)
+    together = np.isnan(results.numbers("trial")[rows]) | _differ_by_step_axes(results, rows)
+    jobs = np.where(together, 0, _plain(results, "job", rows))
+    worlds = np.where(together, _worlds(results, rows)[0], 0)
     return key_codes([_plain(results, "step", rows), jobs, worlds])
+
+
+def _differ_by_step_axes(results: ResultTable, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Returns which trials have others of their step in the same world that differ in an axis of the step.
+
+    An axis of a step has one value in all trials of each of its jobs.
+    """
+    found = np.zeros(len(rows), dtype=np.bool_)
+    steps = _plain(results, "step", rows)
+    jobs, places = key_codes([steps, _plain(results, "job", rows)]), key_codes([steps, _worlds(results, rows)[0]])
+    for name in results.axes:
+        codes = _axis(name, results.values(name), rows).codes
+        is_of_trials = np.bincount(steps, weights=varies(jobs, codes)) > 0
+        found |= varies(places, codes) & ~is_of_trials[steps]
+    return found
 
 
 def _is_world(results: ResultTable, axis: str) -> bool:
@@ -172,15 +205,23 @@ def _distinct(results: ResultTable, rows: NDArray[np.int64], states: NDArray[np.
         return rows
     jobs = _plain(results, "job", rows)
     axes = (_axis(name, results.values(name), rows).codes for name in results.axes)
-    key = [_plain(results, "step", rows), _from_0(states[rows]), *axes]
+    key = [_plain(results, "step", rows), *axes]
     if (alone := np.isnan(results.numbers("trial")[rows])).any():
         jobs = np.where(alone, 0, jobs)
         key += [
             np.where(alone, _worlds(results, rows)[0], 0),
             np.where(alone, _plain(results, "requirements", rows), 0),
         ]
-    key.append(jobs)
-    return rows[np.sort(np.unique(key_codes(key), return_index=True)[1])]
+    return _each_once(rows, states, [*key, jobs])
+
+
+def _each_once(
+    rows: NDArray[np.int64], states: NDArray[np.int64], alike: Sequence[NDArray[np.int64]]
+) -> NDArray[np.int64]:
+    """Leaves out rows that are copies of others; `alike` has numbers of those rows only, which copies share."""
+    known = (state if state >= 0 else None for state in states[rows].tolist())
+    keys = [copy_key(*each) for each in zip(known, *(column.tolist() for column in alike), strict=True)]
+    return rows[~np.array(are_copies(keys), dtype=bool)]
 
 
 def _without_copied_jobs(
@@ -253,12 +294,13 @@ def _without_idle_axes(
             kept[name] = np.where(is_idle[jobs], 0, own + 1)
     if not idle:
         return rows, ()
-    key = key_codes([jobs, _from_0(states[rows]), *kept.values()])
-    return rows[np.sort(np.unique(key, return_index=True)[1])], tuple(idle)
+    return _each_once(rows, states, [jobs, *kept.values()]), tuple(idle)
 
 
 def varies(blocks: NDArray[np.int64], codes: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Returns whether the block of each trial, such as its world, has trials with several numbers."""
+    if not len(blocks):
+        return np.zeros(0, dtype=np.bool_)
     kinds = np.bincount(np.unique(np.stack([blocks, codes]), axis=1)[0])
     return kinds[blocks] > 1
 

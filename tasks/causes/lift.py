@@ -86,8 +86,59 @@ def cells_of(evidence: Evidence) -> NDArray[np.int64]:
 
     The cells of a grid have all values of each axis equally often, and few of them are no sample of anything.
     """
-    cells = int(evidence.cells.max(initial=-1)) + 1
-    return evidence.cells if cells >= _MANY_CELLS else key_codes([evidence.jobs, evidence.seeds])
+    return evidence.cells if is_drawn(evidence) else key_codes([evidence.jobs, evidence.seeds])
+
+
+def is_drawn(evidence: Evidence) -> bool:
+    """Returns whether there are so many cells that they are taken for a sample, as drawn ones are."""
+    return int(evidence.cells.max(initial=-1)) + 1 >= _MANY_CELLS
+
+
+def p_by_chance(evidence: Evidence, group: Group, region: NDArray[np.bool_]) -> float:
+    """Computes the chance that as many failures or more fall into a region, if its trials fail as often as the others.
+
+    It is Fisher's exact test, one-sided, with each job's trials and failures as they are: a hard world makes no region
+    guilty. Unlike an interval it has an answer where all trials of a region failed, and none outside.
+
+    Args:
+        evidence: The trials.
+        group: The failures that are asked about.
+        region: Which of the trials lie in the region.
+
+    Returns:
+        The p-value; 1 where drawn cells have several trials, which are alike in more than the region.
+    """
+    at_risk = group.at_risk
+    cells = np.unique(key_codes([evidence.jobs, evidence.cells])[at_risk])
+    if is_drawn(evidence) and len(cells) < at_risk.sum():
+        return 1.0
+    count = int(evidence.jobs.max(initial=-1)) + 1
+    whole, inside, failed, hits = (
+        np.bincount(evidence.jobs[at_risk & which], minlength=count)
+        for which in (at_risk, region, group.failed, group.failed & region)
+    )
+    chances = np.ones(1)  # of each number of failures in the region, of the jobs so far
+    for job in np.flatnonzero(failed).tolist():
+        chances = np.convolve(chances, _hypergeometric(int(whole[job]), int(inside[job]), int(failed[job])))
+    return min(1.0, float(chances[int(hits.sum()) :].sum()))
+
+
+def _hypergeometric(trials: int, inside: int, failed: int) -> NDArray[np.float64]:
+    """Returns the chance of each number of failures among the trials inside, from 0 to all, if any may fail."""
+    from scipy.special import gammaln
+
+    hits = np.arange(failed + 1)
+    is_possible = (hits <= inside) & (failed - hits <= trials - inside)
+    hits = hits[is_possible]
+
+    def choose(of: int, count: NDArray[np.int64] | int) -> NDArray[np.float64]:
+        return gammaln(of + 1) - gammaln(np.add(count, 1)) - gammaln(np.subtract(of + 1, count))
+
+    chances = np.zeros(failed + 1)
+    chances[is_possible] = np.exp(
+        choose(inside, hits) + choose(trials - inside, failed - hits) - choose(trials, failed)
+    )
+    return chances
 
 
 _MOST_OF_CHANCE = 0.5
@@ -133,15 +184,12 @@ def world_outlier(evidence: Evidence, group: Group) -> tuple[int, float] | None:
     worlds = evidence.world_count
     if worlds < FEWEST_WORLDS:
         return None
-    counts = np.bincount(evidence.worlds, weights=group.at_risk, minlength=worlds)
     hits = np.bincount(evidence.worlds, weights=group.failed, minlength=worlds)
-    hit, missed = hits + 0.5, counts - hits + 0.5  # Haldane's half, so that there is a logit without failures, too
-    logits = np.log(hit / missed)
-    of_chance = float(np.mean(1 / hit + 1 / missed))
+    counts, logits, of_chance = logits_of_worlds(evidence, group)
     best, p_value = 0, 1.0
     for world in range(worlds):
         others = np.delete(logits, world)
-        spread = math.sqrt(max(float(others.var(ddof=1)), min(of_chance, _MOST_OF_CHANCE)))
+        spread = math.sqrt(max(float(others.var(ddof=1)), of_chance))
         t = (logits[world] - others.mean()) / (spread * math.sqrt(1 + 1 / (worlds - 1)))
         rest = (hits.sum() - hits[world]) / max(counts.sum() - counts[world], 1.0)
         if not counts[world]:
@@ -151,3 +199,16 @@ def world_outlier(evidence: Evidence, group: Group) -> tuple[int, float] | None:
         if found < p_value:
             best, p_value = world, found
     return best, min(1.0, p_value)
+
+
+def logits_of_worlds(evidence: Evidence, group: Group) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Returns the number of trials at risk in each world, the logit of its failures, and the variance of chance.
+
+    Logits have Haldane's half, so that a world without failures has one, too.
+    """
+    worlds = evidence.world_count
+    counts = np.bincount(evidence.worlds, weights=group.at_risk, minlength=worlds).astype(np.float64)
+    hits = np.bincount(evidence.worlds, weights=group.failed, minlength=worlds)
+    hit, missed = hits + 0.5, counts - hits + 0.5
+    of_chance = float(np.mean(1 / hit + 1 / missed))
+    return counts, np.log(hit / missed), min(of_chance, _MOST_OF_CHANCE)

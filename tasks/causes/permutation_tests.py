@@ -32,6 +32,8 @@ _AT_ONCE = 2_000_000
 """Numbers that are permuted at once: 16 MB."""
 _NO_SPREAD = 1e-6
 """Standard deviation, in failures, of a region that all units of each stratum are in, or none; rounding leaves some."""
+_AS_CLEAR = 2.0
+"""P-values that are planned are that much smaller: a few hundred permutations may show them half as large again."""
 _SHARE_IN_BLOCKS = 0.5
 """Share of the trials that need partners in the same block, so that trials are swapped and not cells."""
 
@@ -208,6 +210,29 @@ def p_value(
         if reached >= _ENOUGH:
             break
     return (reached + 1) / (made + 1)
+
+
+def growth_needed(units: Units, region: NDArray[np.bool_], regions: int, alpha: float) -> float:
+    """Computes how many times as many trials it takes before permutations can show a p-value at all.
+
+    However clear failures are, four seeds with two values each can be swapped in 16 ways only, of which one for each
+    region looks as clear.
+
+    Args:
+        units: What may be swapped.
+        region: Which trials lie in the region that fits best.
+        regions: Number of regions among which it was found.
+        alpha: Error probability of the test, corrected for the number of tests.
+
+    Returns:
+        The factor, below 1 where there are more than enough; infinite where nothing can be swapped.
+    """
+    from scipy.special import gammaln
+
+    inside = np.bincount(units.strata, weights=region[units.first])
+    sizes = np.bincount(units.strata)
+    ways = float((gammaln(sizes + 1) - gammaln(inside + 1) - gammaln(sizes - inside + 1)).sum())
+    return math.log(_AS_CLEAR * regions / alpha) / ways if ways > 0 else math.inf
 
 
 def _scaled(units: Units, members: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:

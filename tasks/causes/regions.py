@@ -79,8 +79,11 @@ def _cuts(axis: AxisColumn, known: Sequence[int], cuts: int) -> list[int]:
 
 
 def _halves(axis: AxisColumn, known: Sequence[int], cut: int) -> Iterator[Region]:
-    yield Region(axis.name, f"{axis.name} ≥ {axis.label(cut)}", frozenset(code for code in known if code >= cut), "≥")
-    yield Region(axis.name, f"{axis.name} < {axis.label(cut)}", frozenset(code for code in known if code < cut), "<")
+    least, limit = axis.label(known[0]), axis.label(cut)
+    # Nothing lies between two values: each half is one of them, and is named so.
+    above, below = (f"= {limit}", f"= {least}") if len(known) == 2 else (f"≥ {limit}", f"< {limit}")
+    yield Region(axis.name, f"{axis.name} {above}", frozenset(code for code in known if code >= cut), "≥")
+    yield Region(axis.name, f"{axis.name} {below}", frozenset(code for code in known if code < cut), "<")
 
 
 def directions_of(axis: AxisColumn) -> int:

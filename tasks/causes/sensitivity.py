@@ -19,6 +19,8 @@ FEWEST_CLUSTERS = 10
 """Cells, or seeds, from which on a slope has an interval: with fewer, t intervals of skewed margins are too narrow."""
 LEVEL = 0.95
 """Level at which all intervals of a kind hold together."""
+MOST_VALUES = 20
+"""Values of an axis of texts that are looked at; more have too few trials each."""
 ROUNDING = 1e-9
 """Share of the range of an outcome below which a change is an error of rounding: sums of doubles have 1e-12 of it."""
 
@@ -35,7 +37,7 @@ def sensitivities(results: ResultTable, evidence: Evidence) -> tuple[list[Sensit
     """
     units = {name: next(iter(found)) for name, found in margin_units(results).items() if len(found) == 1}
     numbers = [axis for axis in evidence.axes if axis.is_number]
-    level = 1 - (1 - LEVEL) / max(1, len(units) * len(numbers))
+    level = joint_level(evidence, len(units))
     found: list[Sensitivity] = []
     refused: dict[str, None] = {}
     for name, unit in units.items():
@@ -59,6 +61,21 @@ def sensitivities(results: ResultTable, evidence: Evidence) -> tuple[list[Sensit
                     )
                 )
     return found, list(refused)
+
+
+def joint_level(evidence: Evidence, requirements: int) -> float:
+    """Returns the level of each interval of a run, so that those of all axes hold together.
+
+    It is that of the effects of axes as well: a margin's change has the same interval wherever it is told.
+
+    Args:
+        evidence: The trials.
+        requirements: Number of requirements with margins; failures are one more outcome.
+    """
+    contrasts = sum(
+        1 if axis.is_number or len(axis.values) == 2 else min(len(axis.values), MOST_VALUES) for axis in evidence.axes
+    )
+    return 1 - (1 - LEVEL) / max(1, (requirements + 1) * contrasts)
 
 
 def judged_margins(results: ResultTable, evidence: Evidence, requirement: str) -> NDArray[np.float64]:

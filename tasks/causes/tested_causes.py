@@ -1,4 +1,4 @@
-"""Claims about groups of failures: all axes, pairs of axes and worlds are tested, and Holm corrects for all of them.
+"""Claims about groups of failures: all axes, their pairs, worlds and kinds of worlds are tested; Holm corrects for all.
 
 Three axes are tested where each two of them are significant: a claim of all three replaces three claims that a reader
 would have to put together.
@@ -20,6 +20,7 @@ from .groups import Group
 from .lift import Lift, lift_of, world_outlier
 from .permutation_tests import Units, p_between_worlds, p_value, scores, units_of
 from .regions import CUTS_OF_PAIRS, CUTS_OF_TRIPLES, Region, corners_of, directions_of, parts_of, regions_of
+from .world_kinds import hardest_kind, kind_codes, lift_of_kind, steps_like
 
 ALPHA = 0.05
 _NEARLY = 0.9
@@ -30,7 +31,7 @@ _SAME_TRIALS = 0.8
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """A tested axis, pair or triple of axes, or world, with its best region in a group."""
+    """A tested axis, pair or triple of axes, world or kind of worlds, with its best region in a group."""
 
     group: int
     kind: ClaimKind
@@ -66,10 +67,21 @@ def fewest_failures(axes: int) -> int:
     return math.ceil(math.log2(16 * hypotheses / ALPHA))
 
 
+def tests_of_a_group(evidence: Evidence, axes: int) -> int:
+    """Returns the number of tests of each group: of axes, pairs of axes, worlds if enough, and kinds of worlds if any.
+
+    Args:
+        evidence: The trials.
+        axes: Number of axes.
+    """
+    are_worlds_tested = evidence.world_count >= FEWEST_WORLDS
+    return axes + axes * (axes - 1) // 2 + are_worlds_tested + bool(kind_codes(evidence)[1])
+
+
 def hypotheses_of(
     evidence: Evidence, groups: Sequence[Group], axes: Sequence[AxisColumn], chance: np.random.Generator
 ) -> list[Hypothesis]:
-    """Tests all axes, pairs of axes and worlds in some groups.
+    """Tests all axes, pairs of axes, worlds and kinds of worlds in some groups.
 
     Args:
         evidence: The trials.
@@ -80,13 +92,15 @@ def hypotheses_of(
     Returns:
         The hypotheses, with adjusted p-values; those of three axes where each two of these are significant.
     """
-    tests = len(groups) * (len(axes) + len(axes) * (len(axes) - 1) // 2 + 1)
+    tests = len(groups) * tests_of_a_group(evidence, len(axes))
     found: list[Hypothesis] = []
     for number, group in enumerate(groups):
         found += [_axis(evidence, number, group, axis, _Draw(chance, tests)) for axis in axes]
         found += [_corner(evidence, number, group, pair, _Draw(chance, tests)) for pair in combinations(axes, 2)]
         if (outlier := world_outlier(evidence, group)) is not None:
             found.append(_world(evidence, number, *outlier))
+        if (kind := hardest_kind(evidence, group)) is not None:
+            found.append(_kind(number, *kind))
     adjusted = holm([each.p_value for each in found])
     tested = [replace(each, adjusted=value) for each, value in zip(found, adjusted, strict=True)]
     return [*tested, *_triples(evidence, groups, axes, tested, chance)]
@@ -211,11 +225,19 @@ def _part_codes(axis: AxisColumn, most: int) -> NDArray[np.int64]:
 
 
 def _world(evidence: Evidence, number: int, world: int, p_value: float) -> Hypothesis:
+    name = f"world = {evidence.world_names[world]}"
+    return Hypothesis(number, "world", (), (name,), evidence.worlds == world, _strength(p_value), p_value)
+
+
+def _kind(number: int, name: str, mask: NDArray[np.bool_], p_value: float) -> Hypothesis:
+    region = f"worlds of {name}"
+    return Hypothesis(number, "worlds", (), (region,), mask, _strength(p_value), p_value, is_of_such_worlds=True)
+
+
+def _strength(p_value: float) -> float:
     from scipy.special import ndtri
 
-    strength = float(-ndtri(max(p_value, 1e-300)))
-    name = f"world = {evidence.world_names[world]}"
-    return Hypothesis(number, "world", (), (name,), evidence.worlds == world, strength, p_value)
+    return float(-ndtri(max(p_value, 1e-300)))
 
 
 def claims_of(evidence: Evidence, group: Group, found: Sequence[Hypothesis]) -> list[tuple[Claim, Hypothesis]]:
@@ -230,15 +252,26 @@ def claims_of(evidence: Evidence, group: Group, found: Sequence[Hypothesis]) -> 
         found: Its hypotheses.
     """
     lifted = [
-        (each, lift) for each in found if each.adjusted <= ALPHA and (lift := _lift(evidence, group, each)) is not None
+        (each, lift)
+        for each in found
+        if each.adjusted <= ALPHA and (lift := lift_of_claim(evidence, group, each)) is not None
     ]
     shown = [(each, lift) for each, lift in lifted if lift.low > 1]
     kept = [(each, lift) for each, lift in shown if not _is_explained(each, [other for other, _ in shown])]
     kept.sort(key=lambda item: (-item[0].strength, item[0].region))
-    return [(_claim(each, lift, found, group.others), each) for each, lift in kept]
+    return [(_claim(evidence, each, lift, found, group.others), each) for each, lift in kept]
 
 
-def _lift(evidence: Evidence, group: Group, hypothesis: Hypothesis) -> Lift | None:
+def lift_of_claim(evidence: Evidence, group: Group, hypothesis: Hypothesis) -> Lift | None:
+    """Computes how many times as often trials of a group fail in a hypothesis' region.
+
+    Args:
+        evidence: The trials.
+        group: The failures that are asked about.
+        hypothesis: The region: of axes, a world, or worlds of a kind.
+    """
+    if hypothesis.kind == "worlds":
+        return lift_of_kind(evidence, group, hypothesis.mask)
     if hypothesis.kind != "world":
         return lift_of(evidence, group, hypothesis.mask)
     # One world is compared with the others as they are: its trials, not worlds, are the sample.
@@ -258,7 +291,9 @@ def _is_explained(hypothesis: Hypothesis, shown: Sequence[Hypothesis]) -> bool:
     )
 
 
-def _claim(hypothesis: Hypothesis, lift: Lift, found: Sequence[Hypothesis], others: int) -> Claim:
+def _claim(evidence: Evidence, hypothesis: Hypothesis, lift: Lift, found: Sequence[Hypothesis], others: int) -> Claim:
+    of_kind = hypothesis.kind == "worlds"
+    steps = steps_like(evidence.steps, evidence.step_names, hypothesis.mask) if of_kind else []
     return Claim(
         kind=hypothesis.kind,
         axes=list(hypothesis.axes),
@@ -272,7 +307,7 @@ def _claim(hypothesis: Hypothesis, lift: Lift, found: Sequence[Hypothesis], othe
         high=lift.high,
         p_value=hypothesis.adjusted,
         scope="such worlds" if hypothesis.is_of_such_worlds else "these worlds only",
-        alike=list(_alike(hypothesis, found)),
+        alike=[*_alike(hypothesis, found), *steps],
         failed_otherwise=others,
     )
 

@@ -11,11 +11,12 @@ world; pairs that share a world are alike, and count as one cluster.
 from collections import Counter
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
-from ...schemas.reports.comparison import RateChange
+from ...schemas.reports.comparison import USUAL_DIFFERENCE, RateChange
 from ...schemas.reports.live_comparison import FEWEST_WORLDS, Answer
 from ...schemas.reports.report import ArmComparison, AxisResult, Share
 from ...schemas.reports.run_record import JobRecord
@@ -23,9 +24,9 @@ from ...schemas.runs.axes import value_text
 from ...schemas.runs.axis_kinds.kind import BINS, Value
 from ...schemas.specs.batch_splitting import step_of
 from ...schemas.wire.common import counted
-from ..results.rates import share_of
+from ..results.rates import Counts, trial_keys
 from .compared_runs import NightRun
-from .difference_test import JudgedTrials, rate_change
+from .difference_test import ASSUMED_SHARE, FEWEST_PAIRS, JudgedTrials, pairs_for, rate_change
 from .pairing import (
     BROKEN,
     FAILED,
@@ -49,12 +50,13 @@ MOST_SHOWN = 50
 """Values of an axis that have a row of their own."""
 
 
-def axis_results(run: NightRun, digests: Mapping[str, str]) -> list[AxisResult]:
+def axis_results(run: NightRun, digests: Mapping[str, str], *, between_worlds: bool = False) -> list[AxisResult]:
     """Returns the results of a run by the axes of its steps; empty where no step has axes.
 
     Args:
         run: The run, with its table of results.
         digests: Digests of all states of jobs without trials, by label.
+        between_worlds: Whether worlds that are the values of an axis are compared, too, as they are on request only.
     """
     steps: dict[str, list[JobRecord]] = {}
     for job in run.jobs:
@@ -62,7 +64,7 @@ def axis_results(run: NightRun, digests: Mapping[str, str]) -> list[AxisResult]:
             steps.setdefault(step_of(job.step or ""), []).append(job)
     states = run.results.states_of(run.jobs, digests) if steps else []
     axes = [
-        _Axis(run, step, jobs, name, states)
+        _Axis(run, step, jobs, name, states, between_worlds)
         for step, jobs in steps.items()
         for name in dict.fromkeys(name for job in jobs for name in job.axes)
     ]
@@ -97,6 +99,7 @@ class _Arm:
     of_two_worlds: int
     """Number of pairs whose sides drove in different worlds, as the axis varies the world."""
     same_states: bool
+    judged: JudgedTrials
     rate: RateChange | None
     """Pass rates of the pairs that were judged; None: none was."""
     strict: RateChange | None
@@ -113,6 +116,8 @@ class _Axis:
     name: str
     states: Sequence[str | None]
     """Digest of all states of each row of the table."""
+    between_worlds: bool = False
+    """Whether fewer worlds than a sample are compared."""
 
     @property
     def values(self) -> list[Value]:
@@ -135,7 +140,7 @@ class _Axis:
 
     def compared(self) -> Iterator[_Arm]:
         """Yields the comparisons of an axis's first value with each other one that has pairs with it."""
-        values = [] if self._is_sample_of_worlds else self.values
+        values = [] if self._is_of_worlds else self.values
         for value in values[1 : MOST_COMPARED + 1]:
             arm = self._arm(values[0], value)
             if arm is not None:
@@ -151,10 +156,12 @@ class _Axis:
 
     def _compared_in_words(self, compared: int) -> str:
         values = len(self.values)
-        if self._is_sample_of_worlds:
-            return f"its {values} values are worlds, too many to be compared each with the first one"
         if values < 2:
             return "all jobs have the same value of it: there is nothing to compare"
+        if self._is_of_worlds and values >= FEWEST_WORLDS:
+            return f"its {values} values are worlds, too many to be compared each with the first one"
+        if self._is_of_worlds:
+            return f"its {values} values are worlds, which are compared on request only"
         if not compared:
             return "no two trials differ in it alone (same world, seed and other axes), so that there are no pairs"
         left = values - 1 - compared
@@ -173,15 +180,22 @@ class _Axis:
         }
 
     @property
-    def _is_sample_of_worlds(self) -> bool:
-        """Whether its values are worlds, and as many as tell of worlds of their kind; fewer are variants of a world."""
+    def _is_of_worlds(self) -> bool:
+        """Whether its values are worlds, which are not compared; fewer than tell of worlds of their kind may be."""
         values = self.values
-        return len(values) >= FEWEST_WORLDS and self._worlds.keys() >= set(values)
+        is_sample = len(values) >= FEWEST_WORLDS
+        return (is_sample or not self.between_worlds) and self._worlds.keys() >= set(values)
 
     def _share(self, name: str, values: Container[object]) -> Share:
         rows = [row for job in self.jobs if job.axes.get(self.name) in values for row in self.run.results.rows_of(job)]
-        codes = outcomes_of(self.run.results)[rows] if rows else np.zeros(0, np.int8)
-        return share_of(name, *(int((codes == code).sum()) for code in (PASSED, FAILED, BROKEN)))
+        codes = outcomes_of(self.run.results)[rows].tolist() if rows else []
+        keys = [self._keys[row] for row in rows]
+        judged = ((code == PASSED, key) for code, key in zip(codes, keys, strict=True) if code in (PASSED, FAILED))
+        return Counts.of(judged, codes.count(BROKEN)).share(name)
+
+    @cached_property
+    def _keys(self) -> list[int | None]:
+        return trial_keys(self.run.results, outcomes_of(self.run.results).tolist(), self.states)
 
     def _arm(self, baseline: Value, value: Value) -> _Arm | None:
         pairs = self._pairs(baseline, value)
@@ -193,6 +207,7 @@ class _Axis:
         trials = replace(trials, worlds=clusters[trials.jobs])
         is_fair = np.array([pair.has_same_requirements for pair in pairs], dtype=bool)
         fair = each_once(trials.only(is_fair[trials.jobs]), self.states, self.states)
+        judged = _judged(fair.only(fair.judged))
         here = [job for job in self.jobs if job.axes.get(self.name) in (baseline, value)]
         return _Arm(
             baseline,
@@ -204,8 +219,9 @@ class _Axis:
             unpaired=sum(len(self.run.results.rows_of(job)) for job in here) - 2 * len(trials),
             of_two_worlds=sum(worlds[job][0] != worlds[job][1] for job in trials.jobs.tolist()),
             same_states=self._went_the_same_way(trials),
-            rate=_rate(fair.only(fair.judged)),
-            strict=_rate(fair.only(fair.told)),
+            judged=judged,
+            rate=_rate(judged),
+            strict=_rate(_judged(fair.only(fair.told))),
         )
 
     def _went_the_same_way(self, trials: TrialPairs) -> bool:
@@ -270,23 +286,28 @@ def _world_of(job: JobRecord) -> str:
     return (job.inputs and job.inputs.world) or ""
 
 
-def _rate(trials: TrialPairs) -> RateChange | None:
+def _judged(trials: TrialPairs) -> JudgedTrials:
     old, new = trials.outcomes
-    judged = JudgedTrials(old == PASSED, new == PASSED, trials.worlds, fewest_worlds(ALPHA))
+    return JudgedTrials(old == PASSED, new == PASSED, trials.worlds, fewest_worlds(ALPHA))
+
+
+def _rate(judged: JudgedTrials) -> RateChange | None:
     return rate_change(judged, ALPHA) if len(judged) else None
 
 
-def _adjusted(axes: Sequence[Sequence[_Arm]]) -> dict[int, tuple[float | None, Answer]]:
-    """The p-value of each comparison by Holm's method, and its answer: the same with what broke left out and failed.
+def _adjusted(axes: Sequence[Sequence[_Arm]]) -> dict[int, tuple[float | None, Answer, int]]:
+    """The p-value of each comparison by Holm's method, its answer, and the number of comparisons with which it is made.
+
+    The answer is the same with what broke left out and failed.
 
     Comparisons between worlds are corrected with those of their own axis: a list of worlds makes no other one weaker.
     """
-    told: dict[int, tuple[float | None, Answer]] = {}
+    told: dict[int, tuple[float | None, Answer, int]] = {}
     of_one = [arm for arms in axes for arm in arms if not arm.of_two_worlds]
     for family in (of_one, *([arm for arm in arms if arm.of_two_worlds] for arms in axes)):
         without, failed = (_answers(rates) for rates in ([arm.rate for arm in family], [arm.strict for arm in family]))
         for arm, (p_value, answer), (_, if_failed) in zip(family, without, failed, strict=True):
-            told[id(arm)] = p_value, answer if answer == if_failed else "not comparable"
+            told[id(arm)] = p_value, answer if answer == if_failed else "not comparable", len(family)
     return told
 
 
@@ -301,12 +322,12 @@ def _answer(rate: RateChange, p_value: float) -> tuple[float | None, Answer]:
     return p_value, "better" if rate.difference > 0 else "worse"
 
 
-def _told(axis: _Axis, arm: _Arm, p_value: float | None, answer: Answer) -> ArmComparison:
-    return ArmComparison(
+def _told(axis: _Axis, arm: _Arm, p_value: float | None, answer: Answer, tests: int) -> ArmComparison:
+    told = ArmComparison(
         baseline=axis.shown(arm.baseline),
         value=axis.shown(arm.value),
         answer=answer,
-        why=_why(arm, p_value, answer),
+        why="",
         pairs=len(arm.trials),
         unpaired=arm.unpaired,
         unjudged=int((~arm.fair.judged).sum()),
@@ -317,9 +338,32 @@ def _told(axis: _Axis, arm: _Arm, p_value: float | None, answer: Answer) -> ArmC
         same_states=arm.same_states,
         rate=arm.rate,
     )
+    more = f"; {_what_would_tell(arm, tests)}" if told.is_open else ""
+    return told.model_copy(update={"why": _why(arm, p_value, answer, more)})
 
 
-def _why(arm: _Arm, p_value: float | None, answer: Answer) -> str:
+def _what_would_tell(arm: _Arm, tests: int) -> str:
+    """Says how far pairs went the same way, and how many more would show such a difference, or one of 10 points.
+
+    Args:
+        arm: The two values.
+        tests: Number of tests that share their error by Holm's method; the surest of them has this part of it.
+    """
+    changes, pairs = arm.judged.change, len(arm.judged)
+    differ, found = int(np.count_nonzero(changes)), abs(int(changes.sum())) / pairs
+    difference = found or USUAL_DIFFERENCE
+    by_worlds = arm.judged.by_world(changes * (1 if changes.sum() >= 0 else -1)) if arm.judged.flips_worlds else None
+    share = differ / pairs if differ and pairs >= FEWEST_PAIRS else ASSUMED_SHARE  # as between two runs
+    needed, worlds = pairs_for(difference, share, ALPHA / tests, by_worlds, is_margin=False)
+    most = max(int((changes > 0).sum()), int((changes < 0).sum()))
+    way = f"{most} of {differ} that differ went the same way" if differ else "none of them differ"
+    more = counted(max(1, needed - pairs), "more pair")
+    shown = "it" if found else f"a difference of {100 * difference:.3g} points"
+    in_all = f", for {counted(worlds, 'world')} in all," if worlds else ""
+    return f"{way}; {more}{in_all} would show {shown}"
+
+
+def _why(arm: _Arm, p_value: float | None, answer: Answer, more: str) -> str:
     """Returns the reason of an answer about two values of an axis; the p-value is adjusted already, None: no pair."""
     if arm.rate is None:
         words = f"none of {counted(len(arm.trials), 'pair')} was judged on both sides by the same requirements"
@@ -329,6 +373,7 @@ def _why(arm: _Arm, p_value: float | None, answer: Answer) -> str:
         words = f"{counted(arm.rate.pairs, 'pair')} judged, p = {p_value:.2g} ({arm.rate.test} test, Holm's method)"
         if arm.rate.pairs > arm.rate.worlds and arm.rate.test == "exact McNemar" and answer != "no difference shown":
             words += ", in these worlds; others were not tried"
+    words += more
     if arm.of_two_worlds:
         words += f"; the sides of {counted(arm.of_two_worlds, 'pair')} drove in different worlds, as the axis varies it"
     if arm.same_states:

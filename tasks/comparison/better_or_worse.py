@@ -4,29 +4,24 @@ The answer is about verdicts of trials; a job without trials counts as one trial
 for the user to decide.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...schemas.reports.comparison import (
-    ComparedRun,
-    Comparison,
-    LargestFall,
-    MarginTest,
-    MetricChange,
-    PairedJob,
-    RateChange,
-)
+from ...schemas.reports.changes import LargestFall, MetricChange
+from ...schemas.reports.comparison import ComparedRun, Comparison, MarginTest, PairedJob, RateChange
 from ...schemas.reports.live_comparison import Answer
 from ...schemas.reports.run_exit_codes import ANSWER_EXIT_CODES
 from ...schemas.wire.common import counted
 from ..reporting import Outcome
-from ..results.rates import margin_units
-from .compared_runs import NightRun, name_of, outcome_of
+from ..results.rates import margin_units, units_if_met
+from .compared_runs import NightRun, outcome_of
 from .difference_test import JudgedTrials, mean_change, needed_pairs, rate_change
 from .early_stops import answer_while_running
 from .failure_starts import appearances_of, changed_nights, changed_versions
+from .loss_causes import why_no_trials
 from .losses import losses_of, told_losses
 from .pairing import ENDED, PASSED, Pair, Pairing, TrialPairs, copies_in_words, each_once, pair_jobs, pair_trials
 from .requirement_changes import RequirementChanges, requirement_changes
@@ -86,7 +81,7 @@ def compare(
     versions = changed_versions(before, after)
     requirements = requirement_changes(trials.only(ended[trials.jobs]), pairing.pairs, versions)
     told = [(_told(pair, requirements), pair.outcomes) for pair in pairing.pairs]
-    return Comparison(
+    comparison = Comparison(
         before=_compared(before),
         after=_compared(after),
         answer=answer,
@@ -98,6 +93,7 @@ def compare(
         only_before=len(pairing.only_before),
         only_after=len(pairing.only_after),
         trials=len(trials),
+        identical=_identical(fair.only(fair.judged)),
         trials_only_before=len(before.results) - len(trials),
         trials_only_after=len(after.results) - len(trials),
         unjudged=int((~trials.judged).sum()),
@@ -109,25 +105,58 @@ def compare(
         newly_passing=[pair for pair, (old, new) in told if old.is_failure and new is Outcome.PASSED],
         still_failing=[pair for pair, (old, new) in told if old.is_failure and new.is_failure],
         rate=rate,
-        needed=needed_pairs(judged, alpha, difference, margin) if rate and answer == "no difference shown" else None,
         e_values=after.against.e_values if after.against and looked_at else {},
         metrics=_changes("metric", trials, pairing.pairs, alpha) if looked_at is None else [],
         margins=_changes("margin", fair, pairing.pairs, alpha) if looked_at is None else [],
         **dict(told_losses(losses_of([before, after], appearances_of([before, after])))),
     )
+    if rate is None or answer != "no difference shown" or comparison.is_unchanged:
+        return comparison
+    needed = needed_pairs(judged, (before.run_id, after.run_id), alpha, difference, margin)
+    return comparison.model_copy(update={"needed": needed})
 
 
 def judged_pairs(before: NightRun, after: NightRun, alpha: float = 0.05) -> JudgedTrials:
     """Returns the pairs of trials that were judged in both of two runs, and by the same requirements."""
-    pairing = pair_jobs(before.jobs, after.jobs)
-    fair = _each_once(_fair(pairing, pair_trials(pairing.pairs, before, after))[1])
+    fair = _fair_trials(before, after)[1]
     return _judged(fair.only(fair.judged), alpha)
+
+
+def fallen_margins(before: NightRun, after: NightRun, alpha: float = 0.05) -> list[MetricChange]:
+    """Returns the margins of requirements that fell on average between two runs, as their comparison has them.
+
+    The list is empty if the second run was looked at while it ran beside the first one: its trials are no fixed number.
+    """
+    if answer_while_running(before, after, alpha, None) is not None:
+        return []
+    pairing, fair = _fair_trials(before, after)
+    return [each for each in _changes("margin", fair, pairing.pairs, alpha) if each.has_fallen]
+
+
+def _fair_trials(before: NightRun, after: NightRun) -> tuple[Pairing, TrialPairs]:
+    """Returns the pairs of jobs, and their pairs of trials that were judged by the same requirements, each once."""
+    pairing = pair_jobs(before.jobs, after.jobs)
+    return pairing, _each_once(_fair(pairing, pair_trials(pairing.pairs, before, after))[1])
 
 
 def _fair(pairing: Pairing, trials: TrialPairs) -> tuple[NDArray[np.bool_], TrialPairs]:
     """Returns a mask of the job pairs with the same requirements in both runs, and those jobs' trial pairs."""
     is_fair = np.array([pair.has_same_requirements for pair in pairing.pairs], dtype=bool)
     return is_fair, trials.only(is_fair[trials.jobs])
+
+
+def _identical(trials: TrialPairs) -> int:
+    """Counts the pairs whose states have the same digest, taken until the same time."""
+    old, new = (
+        list(zip(table.texts("state_digest"), table.numbers("digest_until_s").tolist(), strict=True))
+        for table in (trials.before, trials.after)
+    )
+    pairs = zip(trials.before_rows.tolist(), trials.after_rows.tolist(), strict=True)
+    return sum(old[a][0] is not None and _are_same(old[a], new[b]) for a, b in pairs)
+
+
+def _are_same(one: tuple[str | None, float], other: tuple[str | None, float]) -> bool:
+    return one[0] == other[0] and (one[1] == other[1] or (math.isnan(one[1]) and math.isnan(other[1])))
 
 
 def _each_once(trials: TrialPairs) -> TrialPairs:
@@ -173,7 +202,7 @@ def _answer(
         return "not comparable", _why_unpaired(before, after)
     if not len(fair):
         if any(pair.has_same_requirements for pair in pairing.pairs):
-            return "not comparable", "no trial of one run has the seed and the axes of one of the other run"
+            return "not comparable", why_no_trials(before, after)
         return "not comparable", (
             f"{counted(len(pairing.pairs), 'pair')} of jobs, all judged by different requirements: a verdict says "
             "whether they were met, so that one of other requirements says something else"
@@ -267,10 +296,13 @@ def _changes(kind: str, trials: TrialPairs, jobs: Sequence[Pair], alpha: float) 
     old, new = trials.outcomes
     ended = trials.only(np.isin(old, ENDED) & np.isin(new, ENDED))
     found = {}
-    names = dict.fromkeys(trials.after.metrics) if kind == "metric" else _with_margins(trials)
+    if_met = {} if kind == "metric" else _if_met(trials)
+    names = dict.fromkeys(trials.after.metrics) if kind == "metric" else _with_margins(trials) | if_met
     for name in sorted(names):
         values = ended.numbers(f"{kind}.{name}")
         finite = np.isfinite(values[0]) & np.isfinite(values[1]) & (np.abs(values).max(axis=0) < _LARGEST)
+        if name in if_met:
+            finite &= np.minimum(*ended.met(name)) > 0
         if finite.any():
             found[name] = (values[0][finite], values[1][finite], ended.only(finite))
     tested = sum(len(pairs) > 1 for _, _, pairs in found.values())
@@ -291,19 +323,17 @@ def _with_margins(trials: TrialPairs) -> dict[str, str | None]:
     return {name: next(iter(units)) for name, units in after.items() if len(units) == 1 and before.get(name) == units}
 
 
+def _if_met(trials: TrialPairs) -> dict[str, str | None]:
+    """Returns the requirements whose margins can be compared where both trials met them, by unit: seconds of goals."""
+    before, after = (units_if_met(table) for table in (trials.before, trials.after))
+    return {name: unit for name, unit in after.items() if before.get(name) == unit}
+
+
 def _largest_fall(
     before: NDArray[np.float64], after: NDArray[np.float64], trials: TrialPairs, jobs: Sequence[Pair]
 ) -> LargestFall:
     place = int(np.argmin(after - before))
-    job = jobs[int(trials.jobs[place])].after
-    number = trials.after.numbers("trial")[trials.after_rows[place]]
-    return LargestFall(
-        cell=name_of(job),
-        job=job.label,
-        trial=None if np.isnan(number) else int(number),
-        before=float(before[place]),
-        after=float(after[place]),
-    )
+    return LargestFall(**dict(trials.named(place, jobs)), before=float(before[place]), after=float(after[place]))
 
 
 def _metric(

@@ -51,6 +51,10 @@ class NightRun:
     """Number of the run's processes that died."""
     table: ResultTable | None = None
     """Table of results, if it has been read; else `results_path` is read."""
+    refusal: str = ""
+    """Reason why the run was refused before its first step; empty: it was not."""
+    step_error: str = ""
+    """Step at which the run broke, with its error, where no job tells why; empty: there is none."""
     against: AgainstAnswer | None = None
     """Answer of the comparison, if the run was compared with an earlier one while it ran."""
 
@@ -69,6 +73,8 @@ class NightRun:
             report_path=record.report_path,
             results_path=record.run_dir / RESULTS_FILE,
             interruptions=len(record.interruptions),
+            refusal=record.refusal or "",
+            step_error=record.step_error,
             against=record.against,
         )
 

@@ -8,26 +8,24 @@ from typing import Literal
 import numpy as np
 
 from ...schemas.reports.comparison import NeededPairs, PlannedPairs
-from ...schemas.wire.common import counted
 from ...schemas.wire.errors import ConfigurationError
-from ..results.rates import wilson_interval
 from .better_or_worse import judged_pairs
 from .compared_runs import NightRun
-from .difference_test import POWER, JudgedTrials, pairs_for
+from .difference_test import (
+    ALL_ONE_WAY,
+    ASSUMED_SHARE,
+    FEWEST_PAIRS,
+    POWER,
+    JudgedTrials,
+    expected_share,
+    pairs_for,
+    share_in_words,
+    worlds_in_words,
+)
 from .margins import margin_power
 from .statistics.e_processes import fewest_worlds
 from .statistics.early_plans import pairs_until_decided, until_not_worse, worlds_until_decided
 from .statistics.mcnemar import mcnemar_power
-
-ASSUMED_SHARE = 0.2
-"""Assumed share of pairs that differ, without earlier runs: a fifth is much for a robot that mostly repeats its
-results.
-"""
-
-FEWEST_PAIRS = 20
-"""Minimum number of pairs of earlier runs from which the share is estimated: with 20, a share of 10 % is known as 3 to
-30 %.
-"""
 
 
 @dataclass(frozen=True)
@@ -77,10 +75,10 @@ def liveliest_pairs(runs: Sequence[NightRun], alpha: float = 0.05) -> EarlierPai
         alpha: Error probability of the test.
 
     Returns:
-        Their pairs; None: no two runs have 20 pairs in common, or no pair differed yet.
+        Their pairs; None: no two runs tell, as `expected_share` says.
     """
     found = [EarlierPairs(judged_pairs(old, new, alpha), (old.run_id, new.run_id)) for old, new in pairwise(runs)]
-    found = [each for each in found if len(each.judged) >= FEWEST_PAIRS and each.share > 0]
+    found = [each for each in found if expected_share(each.judged, each.runs) is not None]
     return max(found, key=lambda each: each.share, default=None)
 
 
@@ -97,6 +95,9 @@ def plan_pairs(question: Question, planned: PlannedTrials | None, earlier: Earli
     """
     share, assumed = _discordant(question, earlier)
     is_margin = question.kind == "margin"
+    assumed = [share_in_words(share, words, question.share, is_margin=is_margin) for words in assumed]
+    if not is_margin and question.discordant == question.share:
+        assumed = [f"{100 * share:.3g}% of pairs differ; {ALL_ONE_WAY}"]
     by_worlds = planned is not None and planned.trials > planned.worlds >= fewest_worlds(question.alpha)
     spread = None
     if planned is not None and by_worlds:
@@ -104,7 +105,7 @@ def plan_pairs(question: Question, planned: PlannedTrials | None, earlier: Earli
         if question.discordant is None and earlier is not None and earlier.judged.flips_worlds:
             sums, sizes = earlier.judged.by_world(earlier.judged.change)
             spread = (sums / sizes * each, np.full(len(sums), each))
-            assumed.append(f"worlds differ as much as in {' and '.join(earlier.runs)}")
+            assumed.append(worlds_in_words(earlier.runs))
         else:
             worlds = max(planned.worlds, fewest_worlds(question.alpha))
             spread = (np.zeros(worlds), np.full(worlds, each))
@@ -123,6 +124,7 @@ def plan_pairs(question: Question, planned: PlannedTrials | None, earlier: Earli
         pairs=pairs,
         more=max(0, pairs - planned.trials) if planned else pairs,
         worlds=worlds_needed,
+        assumed=assumed,
     )
     tests = ("Tango's score", "interval between worlds") if is_margin else ("exact McNemar", "sign flip of worlds")
     return PlannedPairs(
@@ -133,7 +135,6 @@ def plan_pairs(question: Question, planned: PlannedTrials | None, earlier: Earli
         smallest=_smallest(planned.trials, question, share)
         if planned and not by_worlds and not question.stops
         else None,
-        assumed=assumed,
     )
 
 
@@ -185,14 +186,11 @@ def _discordant(question: Question, earlier: EarlierPairs | None) -> tuple[float
     """
     if question.discordant is not None:
         return question.discordant, []
-    if earlier is None:
+    known = earlier and expected_share(earlier.judged, earlier.runs)
+    if known is None:
         why = f"no two earlier runs with {FEWEST_PAIRS} pairs in common differed; --differ says another share"
         return ASSUMED_SHARE, [f"{ASSUMED_SHARE:.0%} of pairs differ: {why}"]
-    low, high = wilson_interval(round(earlier.share * len(earlier.judged)), len(earlier.judged))
-    between = f"{earlier.runs[0]} and {earlier.runs[1]}, {counted(len(earlier.judged), 'pair')}"
-    return earlier.share, [
-        f"{earlier.share:.1%} of pairs differ, as between {between} (95% interval {low:.1%} to {high:.1%})"
-    ]
+    return known[0], [known[1]]
 
 
 def _smallest(pairs: int, question: Question, discordant: float) -> float | None:

@@ -7,8 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from ...schemas.reports.comparison import MarginTest, NeededPairs, RateChange
+from ...schemas.reports.comparison import USUAL_DIFFERENCE, MarginTest, NeededPairs, RateChange
 from ...schemas.reports.live_comparison import FEWEST_WORLDS
+from ...schemas.wire.common import counted
+from ..results.rates import wilson_interval
 from .margins import margin_p_value, margin_pairs_needed, margin_worlds_needed, shown_between_worlds
 from .statistics.e_processes import fewest_worlds
 from .statistics.intervals import Interval, clustered_mean, mean_difference, paired_rate_difference
@@ -18,7 +20,16 @@ from .statistics.sign_flips import sign_flip_p_value, worlds_needed
 POWER = 0.8
 """Probability with which the computed number of pairs would show the difference (power of the test)."""
 
-_USUAL_DIFFERENCE = 0.1
+ASSUMED_SHARE = 0.2
+"""Assumed share of pairs that differ, where two runs do not tell: a fifth is much for a robot that mostly repeats its
+results.
+"""
+FEWEST_PAIRS = 20
+"""Minimum number of pairs of two runs from which the share is estimated: with 20, a share of 10 % is known as 3 to
+30 %.
+"""
+ALL_ONE_WAY = "all of them go the same way"
+"""Meaning of a difference as large as the share of pairs that differ."""
 _SEED = 20  # of simulated comparisons: the same runs get the same answer
 
 
@@ -124,11 +135,35 @@ def _margin_test(
     )
 
 
-def needed_pairs(trials: JudgedTrials, alpha: float, asked: float | None, margin: float | None = None) -> NeededPairs:
+def expected_share(trials: JudgedTrials, runs: tuple[str, str]) -> tuple[float, str] | None:
+    """Returns the share (0 to 1) of pairs whose verdicts differ, as two runs tell it, and a text that says so.
+
+    Plans and comparisons take the share from here, so that both need the same number of pairs.
+
+    Args:
+        trials: Judged pairs of the two runs.
+        runs: Ids of both runs.
+
+    Returns:
+        `None` if they do not tell: they have fewer than 20 pairs, or none of them differ.
+    """
+    differ = int((trials.change != 0).sum())
+    share = differ / max(len(trials), 1)
+    if not share or len(trials) < FEWEST_PAIRS:
+        return None
+    low, high = wilson_interval(differ, len(trials))
+    between = f"{runs[0]} and {runs[1]}, {counted(len(trials), 'pair')}"
+    return share, f"{share:.1%} of pairs differ, as between {between} (95% interval {low:.1%} to {high:.1%})"
+
+
+def needed_pairs(
+    trials: JudgedTrials, runs: tuple[str, str], alpha: float, asked: float | None, margin: float | None = None
+) -> NeededPairs:
     """Computes how many pairs of trials would be needed to answer a question about pass rates.
 
     Args:
         trials: Judged pairs, at least one.
+        runs: Ids of the two runs.
         alpha: Error probability of the test that decides.
         asked: Requested difference above 0; None: none was requested.
         margin: Decrease of the pass rate to be excluded if nothing changed; None: the question is whether there is a
@@ -136,8 +171,10 @@ def needed_pairs(trials: JudgedTrials, alpha: float, asked: float | None, margin
     """
     change, pairs = trials.change, len(trials)
     found = abs(int(change.sum())) / pairs
-    differ = int((change != 0).sum()) / pairs
-    difference = margin or asked or found or _USUAL_DIFFERENCE
+    known = expected_share(trials, runs)
+    few = f"{ASSUMED_SHARE:.0%} of pairs differ: these runs have fewer than {FEWEST_PAIRS} pairs, or none that differ"
+    differ, assumed = known or (ASSUMED_SHARE, few)
+    difference = margin or asked or found or USUAL_DIFFERENCE
     by_worlds = trials.by_world(change * (1 if change.sum() >= 0 else -1)) if trials.flips_worlds else None
     needed, worlds = pairs_for(difference, differ, alpha, by_worlds, is_margin=margin is not None)
     return NeededPairs(
@@ -148,7 +185,33 @@ def needed_pairs(trials: JudgedTrials, alpha: float, asked: float | None, margin
         pairs=needed,
         more=max(0, needed - pairs),
         worlds=worlds,
+        assumed=[
+            share_in_words(differ, assumed, difference, is_margin=margin is not None),
+            *([worlds_in_words(runs)] if by_worlds is not None and by_worlds[0].any() else []),
+        ],
     )
+
+
+def share_in_words(share: float, words: str, difference: float, *, is_margin: bool) -> str:
+    """Returns the assumed share of pairs that differ in words; a difference takes at least as many pairs that differ.
+
+    Args:
+        share: The share that is known or assumed, from 0 to 1.
+        words: Text that says where it comes from.
+        difference: Difference to be shown, or margin.
+        is_margin: Whether it is a margin.
+    """
+    if is_margin or share > difference:
+        return words
+    if share == difference:
+        return f"{words}; {ALL_ONE_WAY}"
+    points = f"{100 * difference:.3g} points"
+    return f"{difference:.1%} of pairs differ, the fewest with which pass rates differ by {points}; {ALL_ONE_WAY}"
+
+
+def worlds_in_words(runs: tuple[str, str]) -> str:
+    """Says which worlds a number of worlds is computed from."""
+    return f"worlds differ as much as in {' and '.join(runs)}"
 
 
 def pairs_for(

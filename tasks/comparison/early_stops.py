@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...schemas.reports.live_comparison import Against, AgainstAnswer, Answer
+from ...schemas.trial_copies import are_copies, copy_key
 from ...schemas.wire.common import counted
 from .compared_runs import NightRun
-from .pairing import BROKEN, FAILED, PASSED, STOPPED, copies_in_words
+from .pairing import BROKEN, FAILED, PASSED, STOPPED, copies_in_words, states_of_pair
 from .statistics.e_processes import (
     Numbers,
     best_margin,
@@ -57,7 +58,7 @@ class PairedTrials:
         """Digests of both trials of each pair; None where one of them is not known."""
         unknown: States = (None,) * len(self.before)
         pairs = zip(self.before_states or unknown, self.after_states or unknown, strict=True)
-        return [None if old is None or new is None else (old, new) for old, new in pairs]
+        return [states_of_pair(*each) for each in pairs]
 
     def changes(self, *, counts_lost: bool, has_margin: bool) -> Numbers:
         """Returns 1 for each trial that got better, -1 for worse, 0 for none, NaN where that is not judged.
@@ -181,15 +182,12 @@ class _Steps:
 
 def _copies(trials: Sequence[PairedTrials]) -> NDArray[np.bool_]:
     """Returns a mask of the pairs that repeat an earlier one of their world, state by state, as `each_once` does."""
-    seen: set[tuple[object, ...]] = set()
-    copies: list[bool] = []
+    keys: list[int | None] = []
     for each in trials:
         after = each.before if each.after is None else each.after  # then no state is known
-        for states, *outcomes in zip(each.states, each.before.tolist(), after.tolist(), strict=True):
-            pair = (each.world, each.is_fair, states, *outcomes)
-            copies.append(states is not None and pair in seen)
-            seen.add(pair)
-    return np.array(copies, dtype=bool)
+        ended = zip(each.states, each.before.tolist(), after.tolist(), strict=True)
+        keys += [copy_key(states, each.world, each.is_fair, *outcomes) for states, *outcomes in ended]
+    return np.array(are_copies(keys), dtype=bool)
 
 
 @dataclass(frozen=True)

@@ -61,6 +61,7 @@ def failure_start(appearances: Sequence[Appearance]) -> FailureStart | None:
         run_id=start.run.run_id,
         started_at=start.run.started_at,
         nights=len(told) - first,
+        broke=sum(each.outcome is Outcome.BROKEN for each in told[first:]),
         last_passed_run_id=passed.run.run_id if passed else None,
         changed=changed_inputs(passed, start) if passed else [],
     )
@@ -136,7 +137,7 @@ def results_changed(appearances: Sequence[Appearance]) -> int:
 
 
 def differs_with_same_inputs(appearances: Sequence[Appearance]) -> bool:
-    """Whether a job both passed and failed with the same applications, versions, request and seed.
+    """Whether a job both passed and failed with the same applications, versions, request, trials, data and seed.
 
     Jobs whose applications are not known do not count.
     """
@@ -147,9 +148,15 @@ def differs_with_same_inputs(appearances: Sequence[Appearance]) -> bool:
         inputs = each.job.inputs
         if inputs is not None and inputs.applications and each.outcome in JUDGED:
             digests = tuple(sorted((used.role, used.name, used.digest) for used in inputs.applications))
-            key = (digests, inputs.request_sha256, inputs.seed, tuple(sorted(each.run.versions.items())))
+            asked = (inputs.request_sha256, inputs.trials_and_data_sha256 or _parameters_of(each.run))
+            key = (digests, asked, inputs.seed, tuple(sorted(each.run.versions.items())))
             verdicts.setdefault(key, set()).add(each.outcome)
     return any(len(found) > 1 for found in verdicts.values())
+
+
+def _parameters_of(run: NightRun) -> str:
+    """Returns the run's parameters as text, which may be in trials or data that its records do not tell apart."""
+    return str(sorted((name, value_in_words(value)) for name, value in run.parameters.items()))
 
 
 def is_unsteady(changes: int, same_inputs: bool) -> bool:

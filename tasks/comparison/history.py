@@ -1,14 +1,17 @@
 """History of a specification's runs: outcomes of its jobs over time, and changes since the last run."""
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
-from ...schemas.reports.changes import CellChange, SinceLastRun
+from ...schemas.reports.changes import CellChange, MetricChange, SinceLastRun
 from ...schemas.reports.history import CellHistory, History, Night, SharesByNight
 from ...schemas.reports.live_comparison import in_words
-from ...schemas.reports.run_record import CaseOutcome
+from ...schemas.reports.report import Share
+from ...schemas.reports.run_record import CUT_SHORT, CaseOutcome
+from ...schemas.trial_copies import copy_key
 from ..reporting import Outcome
 from ..results import rates
+from ..results.table import ResultTable
 from .compared_runs import JUDGED, TOLD, NightRun, name_of, outcome_of, reason_of
 from .failure_starts import (
     Appearance,
@@ -38,17 +41,25 @@ def history_of(name: str, runs: Sequence[NightRun], left_out: int = 0) -> Histor
     # A cell that only one run of long ago has, as of worlds that are other ones every night, tells nothing.
     kept = [each for each in cells if len(each) > 1 or each[-1].night == len(runs) - 1]
     names = _names_of_worlds(kept)
-    histories = [_cell_history(each, len(runs)) for each in kept]
+    taken = _taken_over(runs, cells)
+    histories = [_cell_history(each, taken) for each in kept]
     return History(
         name=name,
-        nights=[_night(run, runs[index - 1] if index else None) for index, run in enumerate(runs)],
+        nights=[_night(run, runs[:index], taken[index]) for index, run in enumerate(runs)],
         left_out=left_out,
         since_last=_since_last(runs, cells),
         cells=sorted(histories, key=_urgency),
         cells_left_out=len(cells) - len(kept),
-        worlds=_by_night([_by_world(run, names) for run in runs]),
-        requirements=_by_night([rates.requirement_counts(run.results) for run in runs]),
+        worlds=_by_night([_by_world(_own_results(*each), names) for each in zip(runs, taken, strict=True)]),
+        requirements=_by_night(
+            [rates.requirement_counts(_own_results(*each)) for each in zip(runs, taken, strict=True)]
+        ),
     )
+
+
+def newest_night(run: NightRun) -> Night:
+    """Returns a run as a night by itself, beside which no earlier run is shown: all that it took over counts there."""
+    return _night(run, [], {job.label for job in run.jobs if job.reused_from not in (None, run.run_id)})
 
 
 def since_last_run(runs: Sequence[NightRun]) -> SinceLastRun:
@@ -99,10 +110,21 @@ def _since_last(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]])
         without_result=sum(outcome_of(job) in (Outcome.CANCELED, Outcome.UNFINISHED) for job in runs[last].jobs),
         other_requirements=otherwise,
         requirements=requirements.changes,
+        margins=_fallen_margins(previous, runs[last]) if previous and paired else [],
         shrinking=margin_trends(runs),
         **found,
         **dict(lost),
     )
+
+
+def _fallen_margins(previous: NightRun, run: NightRun) -> list[MetricChange]:
+    """Returns the margins that fell by more than chance; others move every night, and are no news."""
+    if not rates.margin_units(run.results):
+        return []
+    # Imported late: its tests need scipy, and most commands compare no margins.
+    from .better_or_worse import fallen_margins
+
+    return [each for each in fallen_margins(previous, run) if each.changed]
 
 
 def _told_before(appearances: Sequence[Appearance]) -> Appearance | None:
@@ -136,40 +158,73 @@ def _change(appearances: Sequence[Appearance], requirements: RequirementChanges)
     )
 
 
-def _night(run: NightRun, before: NightRun | None) -> Night:
-    success = rates.of_table("", run.results)
+def _taken_over(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]]) -> list[set[str]]:
+    """Returns for each run the ids of its jobs with results that count for an earlier run.
+
+    Results of a run that is not among these, such as an older one or a rerun, count for the first that took them over.
+    """
+    nights = {run.run_id: night for night, run in enumerate(runs)}
+    taken: list[set[str]] = [set() for _ in runs]
+    for appearances in cells:
+        origins: set[str] = set()
+        for each in appearances:
+            if (origin := each.job.reused_from) is not None:
+                if origin in origins or nights.get(origin, each.night) < each.night:
+                    taken[each.night].add(each.job.label)
+                origins.add(origin)
+    return taken
+
+
+def _own_results(run: NightRun, taken: Collection[str]) -> ResultTable:
+    return run.results.without([job for job in run.jobs if job.label in taken])
+
+
+def _night(run: NightRun, earlier: Sequence[NightRun], taken: Collection[str]) -> Night:
+    success = Share(name="", passed=0, failed=0) if 0 < len(run.jobs) == len(taken) else rates.of_table("", run.results)
+    unknown = ("low", "high", "rate") if run.state in CUT_SHORT else ("low", "high") if run.stopped_early else ()
     return Night(
         run_id=run.run_id,
         started_at=run.started_at,
         state=run.state,
         jobs=len(run.jobs),
         jobs_judged=sum(outcome_of(job) in JUDGED for job in run.jobs),
+        jobs_passed=sum(outcome_of(job) is Outcome.PASSED for job in run.jobs),
         trials=len(run.results),
-        success=success.model_copy(update={"low": None, "high": None}) if run.stopped_early else success,
+        success=success.model_copy(update=dict.fromkeys(unknown)),
+        refusal=run.refusal,
+        step_error=run.step_error,
+        known=sum(bool(job.known) for job in run.jobs),
+        taken_over=len(taken),
         against=in_words(run.against) if run.against else "",
         interruptions=run.interruptions,
         parameters=run.parameters,
         source=run.source,
-        changed=changed_nights(before, run) if before else [],
+        changed=changed_nights(earlier[-1], run) if earlier else [],
         report_path=run.report_path,
     )
 
 
-def _cell_history(appearances: Sequence[Appearance], nights: int) -> CellHistory:
-    outcomes: list[CaseOutcome | None] = [None] * nights
+def _cell_history(appearances: Sequence[Appearance], taken: Sequence[Collection[str]]) -> CellHistory:
+    outcomes: list[CaseOutcome | None] = [None] * len(taken)
     for each in appearances:
         outcomes[each.night] = each.outcome.value
     changes, same_inputs = results_changed(appearances), differs_with_same_inputs(appearances)
     cell = name_of(appearances[-1].job)
+    own = [each for each in appearances if each.job.label not in taken[each.night]]
     return CellHistory(
         cell=cell,
         outcomes=outcomes,
-        success=rates.of_outcomes(cell.title, [each.outcome.value for each in appearances]),
+        success=rates.of_outcomes(cell.title, [each.outcome.value for each in own], [_key(each) for each in own]),
         changes=changes,
         unsteady=is_unsteady(changes, same_inputs),
         same_inputs=same_inputs,
         since=failure_start(appearances),
     )
+
+
+def _key(appearance: Appearance) -> int | None:
+    job = appearance.job
+    return copy_key(job.state_digest, job.inputs and job.inputs.world, appearance.outcome.value)
 
 
 def _urgency(history: CellHistory) -> tuple[bool, bool, float]:
@@ -190,9 +245,9 @@ def _by_night(nights: Sequence[Mapping[str, rates.Counts]]) -> list[SharesByNigh
     return sorted(shares, key=lambda each: 1.0 if each.total.rate is None else each.total.rate)
 
 
-def _by_world(run: NightRun, names: Mapping[str, str]) -> dict[str, rates.Counts]:
+def _by_world(results: ResultTable, names: Mapping[str, str]) -> dict[str, rates.Counts]:
     """Counts the trials of a run by the name of their world."""
-    found = rates.counts_by(run.results, "world")
+    found = rates.counts_by(results, "world")
     return {names[world]: counts for world, counts in found.items() if world in names}
 
 

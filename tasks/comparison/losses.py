@@ -14,6 +14,7 @@ from ...schemas.reports.run_record import JobRecord
 from ..reporting import Outcome
 from .compared_runs import HEALTH, JUDGED, TOLD, TRIALS, NightRun, name_of
 from .failure_starts import Appearance
+from .loss_causes import causes_of_fewer_trials, causes_of_missing
 
 LossKind = Literal["gone", "no_longer_judged", "asked_less", "fewer_trials"]
 """Kinds of losses: the lists of `Losses`."""
@@ -37,6 +38,8 @@ class FoundLoss:
     """Names of requirements that are no longer requested."""
     trials: tuple[int, int] | None = None
     """Number of counted trials before and now, if there are fewer."""
+    causes: Sequence[str] = ()
+    """Differences between the runs that leave the job or the trials out, in words."""
 
     def told(self) -> Loss:
         """Converts the loss to the model that reports contain."""
@@ -49,6 +52,7 @@ class FoundLoss:
             requirements=list(self.requirements),
             trials_before=self.trials[0] if self.trials else None,
             trials_now=self.trials[1] if self.trials else None,
+            causes=list(self.causes),
         )
 
 
@@ -82,7 +86,7 @@ def _gone(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]]) -> li
         if ended and night is not None:
             vanished[night, step].append(ended)
     return [
-        FoundLoss("gone", night, each[-1], each)
+        FoundLoss("gone", night, each[-1], each, causes=causes_of_missing(each[-1].job, each[-1].run, runs[night]))
         for (night, step), missing in vanished.items()
         for each in _not_replaced(missing, _new_jobs(night, step, runs[night], cells))
     ]
@@ -176,7 +180,9 @@ def _fewer_trials(appearances: Sequence[Appearance]) -> FoundLoss | None:
     if more is None:
         return None
     before, trials = counted[more]
-    return FoundLoss("fewer_trials", counted[more + 1][0].night, before, appearances, trials=(trials, now))
+    after = counted[more + 1][0]
+    causes = causes_of_fewer_trials((before.run, before.job), (after.run, after.job))
+    return FoundLoss("fewer_trials", after.night, before, appearances, trials=(trials, now), causes=causes)
 
 
 def _trials(appearance: Appearance) -> int | None:

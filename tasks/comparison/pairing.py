@@ -8,9 +8,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ...schemas.reports.changes import PairedTrial
 from ...schemas.reports.comparison import PairedJob
 from ...schemas.reports.run_record import JobRecord
 from ...schemas.runs.axis_kinds.kind import Value
+from ...schemas.trial_copies import are_copies, copy_key
 from ..reporting import Outcome
 from ..results.table import ResultTable
 from .compared_runs import HEALTH, JUDGED, TOLD, TRIALS, CellTable, NightRun, name_of, outcome_of, reason_of
@@ -61,7 +63,10 @@ class Pair:
     def has_same_request(self) -> bool:
         """Whether both job requests are the same, as far as is known: true if either job's inputs are not recorded."""
         before, after = self.before.inputs, self.after.inputs
-        return before is None or after is None or before.request_sha256 == after.request_sha256
+        if before is None or after is None:
+            return True
+        more = {each.trials_and_data_sha256 for each in (before, after)} - {None}
+        return before.request_sha256 == after.request_sha256 and len(more) < 2
 
     def told(self) -> PairedJob:
         """Converts the pair to the model that reports contain."""
@@ -197,6 +202,27 @@ class TrialPairs:
             self.worlds[which], self.has_worlds,
         )  # fmt: skip
 
+    def named(self, index: int, pairs: "Sequence[Pair]") -> PairedTrial:
+        """Returns the name of a pair of trials, with its number in both runs.
+
+        Args:
+            index: Index of the pair of trials.
+            pairs: The pairs of jobs to which the trials belong.
+        """
+        pair = pairs[int(self.jobs[index])]
+        old, new = int(self.before_rows[index]), int(self.after_rows[index])
+        before, after = self.before.numbers("trial")[old], self.after.numbers("trial")[new]
+        # The job's title has the axes of its step.
+        own = {name: value for name, value in self.after.axes_at(new).items() if name not in pair.after.axes}
+        return PairedTrial(
+            cell=name_of(pair.after),
+            job=pair.after.label,
+            trial=None if np.isnan(after) else int(after),
+            axes={} if np.isnan(after) else own,
+            before_job=pair.before.label,
+            before_trial=None if np.isnan(before) else int(before),
+        )
+
     def met(self, requirement: str) -> tuple[NDArray[np.int8], NDArray[np.int8]]:
         """Returns whether each trial met a requirement, in the first and second run: 1 met, 0 missed, -1 not judged."""
         return self.before.met(requirement)[self.before_rows], self.after.met(requirement)[self.after_rows]
@@ -252,19 +278,16 @@ def each_once(
         before_states: Digest of all states of each row of the first table; None where it is not known.
         after_states: The same of the second table.
     """
-    seen: set[tuple[int, int, int, str, str]] = set()
-    once: list[bool] = []
-    ended = (trials.worlds.tolist(), *(codes.tolist() for codes in trials.outcomes))
-    for *place, old, new in zip(*ended, trials.before_rows.tolist(), trials.after_rows.tolist(), strict=True):
-        world, first, second = place
-        before, after = before_states[old], after_states[new]
-        if before is None or after is None:
-            once.append(True)
-            continue
-        pair = (world, first, second, before, after)
-        once.append(pair not in seen)
-        seen.add(pair)
-    return trials.only(np.array(once, dtype=bool))
+    old = (before_states[row] for row in trials.before_rows.tolist())
+    new = (after_states[row] for row in trials.after_rows.tolist())
+    ended = zip(trials.worlds.tolist(), *(codes.tolist() for codes in trials.outcomes), strict=True)
+    keys = [copy_key(states_of_pair(*states), *each) for *states, each in zip(old, new, ended, strict=True)]
+    return trials.only(~np.array(are_copies(keys), dtype=bool))
+
+
+def states_of_pair(before: str | None, after: str | None) -> tuple[str, str] | None:
+    """Returns the digests of both trials of a pair; `None` if one of them is not known."""
+    return None if before is None or after is None else (before, after)
 
 
 def copies_in_words(count: int) -> str:

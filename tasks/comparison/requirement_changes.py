@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ...schemas.reports.changes import ChangedInput, NewlyMissed, RequirementChange
 from ...schemas.reports.run_record import JobRecord
 from ...schemas.runs.plan import Requirement
-from .compared_runs import HEALTH, name_of
+from .compared_runs import HEALTH
 from .failure_starts import changed_jobs
 from .pairing import FAILED, Pair, TrialPairs
 
@@ -127,8 +127,14 @@ def _together(one: RequirementChange, other: RequirementChange) -> RequirementCh
 def _only_told_when_missed(
     name: str, before: NDArray[np.int8], after: NDArray[np.int8], trials: TrialPairs
 ) -> NDArray[np.bool_]:
-    """Returns a mask of trials that newly miss a health requirement, which results contain only if it was missed."""
+    """Returns a mask of trials that newly miss a health requirement, which results contain only if it was missed.
+
+    One that did not count before is not comparable, as where the run ended with its goals reached.
+    """
     appeared = (before < 0) & (after == 0) & (trials.outcomes[0] <= FAILED)
+    for index in np.flatnonzero(appeared).tolist():
+        known = trials.before.requirements_at(int(trials.before_rows[index]))
+        appeared[index] = all(item.name != name for item in known)
     if appeared.any():
         first = int(trials.after_rows[np.flatnonzero(appeared)[0]])
         kinds = {item.name: item.kind for item in trials.after.requirements_at(first)}
@@ -149,11 +155,8 @@ def _place(
     name: str, index: int, trials: TrialPairs, pairs: Sequence[Pair], versions: Sequence[ChangedInput]
 ) -> NewlyMissed:
     pair, row = pairs[int(trials.jobs[index])], int(trials.after_rows[index])
-    number = trials.after.numbers("trial")[row]
     return NewlyMissed(
-        cell=name_of(pair.after),
-        job=pair.after.label,
-        trial=None if np.isnan(number) else int(number),
+        **dict(trials.named(index, pairs)),
         detail=next((item.detail for item in trials.after.requirements_at(row) if item.name == name), ""),
         certain=_repeats(pair, trials, index),
         changed=[*versions, *changed_jobs(pair)],

@@ -179,8 +179,7 @@ def _turn_aside(
 ) -> tuple[RequirementTurn, str] | None:
     """Returns that a requirement does not count in a job, so that it is neither better nor worse; `None`: it counts.
 
-    The environment's own do not count in a run that ended with its goals reached; they were measured there, too, so
-    that one which the other run misses is worse.
+    The environment's own do not count in a run that ended with its goals reached.
     """
     aside = [item is not None and _is_aside(item, pair) for item in (before, after)]
     if not any(aside):
@@ -188,9 +187,6 @@ def _turn_aside(
     there = [is_aside for is_aside, item in zip(aside, (before, after), strict=True) if item is not None]
     if all(there):
         return "unchanged", "it does not count"
-    is_off = any(item is not None and item.kind == "off" for item in (before, after))
-    if before is not None and after is not None and not is_off:
-        return None
     return "not comparable", f"it does not count in {'A' if aside[0] else 'B'}"
 
 

@@ -60,7 +60,11 @@ def _in_one_line(record: logging.LogRecord) -> bool:
     """
     error = record.exc_info[1] if record.exc_info else None
     if isinstance(error, RobomakerError):
-        record.msg, record.args = "%s: %s", (type(error).__name__, error)
+        told = str(error)
+        if isinstance(error, RunNotSucceeded) and record.name == "prefect.engine":
+            # The engine ends with the error of a run whose state, with all the reasons, has just been logged.
+            told = f"{error.result.state}; the reasons are above"
+        record.msg, record.args = "%s: %s", (type(error).__name__, told)
         record.exc_info = record.exc_text = None
     return True
 

@@ -1,12 +1,11 @@
 """The side of a job on which two of its runs first differ: the robot's commands, or the simulation's states."""
 
-from collections.abc import Iterable, Iterator
-from itertools import combinations, zip_longest
-
-import numpy as np
+from collections.abc import Iterable
+from itertools import combinations
 
 from ...schemas.runs.verification import Side
-from ..runtime.agents.action_log import ActionLog, ActionLogHeader
+from ..runtime.agents.action_log import ActionLog
+from ..runtime.replay.commands import first_other_command
 from ..runtime.replay.replay import RunOutputs, first_difference
 from .trials import Trial, Trials
 
@@ -82,32 +81,8 @@ def _command_in_words(one: RunOutputs, other: RunOutputs) -> str | None:
     """
     assert one.actions is not None
     assert other.actions is not None
-    log = ActionLog(one.actions)
-    number, found = _first_other(log, ActionLog(other.actions))
+    found = first_other_command(one.actions, other.actions)
     if found is None:
         return None
-    steps = sum(1 for _ in log)
     end_s = one.result.sim_time_s if one.result is not None else 0.0
-    values = [_values(log.header, each) if each is not None else "none" for each in found]
-    name = next((each.description or "" for each in log.header.arrays), "")
-    return (
-        f"at {number * end_s / max(steps, 1):.2f} s in the command{f' {name}' if name else ''}: {' and '.join(values)}"
-    )
-
-
-def _first_other(one: Iterable[bytes], other: Iterable[bytes]) -> tuple[int, tuple[bytes | None, bytes | None] | None]:
-    pairs: Iterator[tuple[bytes | None, bytes | None]] = iter(zip_longest(one, other))
-    return next(((number, pair) for number, pair in enumerate(pairs) if pair[0] != pair[1]), (0, None))
-
-
-_MOST_VALUES = 4
-"""Numbers of a command that are shown."""
-
-
-def _values(header: ActionLogHeader, action: bytes) -> str:
-    numbers: list[str] = []
-    for array in header.arrays:
-        count = int(np.prod(array.shape)) if array.shape else 1
-        numbers += [f"{value:.6g}" for value in np.frombuffer(action, array.dtype, count, array.offset)]
-    shown = numbers[:_MOST_VALUES] + (["…"] if len(numbers) > _MOST_VALUES else [])
-    return f"({', '.join(shown)})" if len(shown) != 1 else shown[0]
+    return f"at {found.time_s(end_s):.2f} s in the command{found.name}: {found.values}"

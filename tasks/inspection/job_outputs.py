@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ValidationError
 
-from ...schemas.documents.simulation_jobs import SimulationJobDocument
+from ...schemas.documents.simulation_jobs import ResolvedDataSource, SimulationJobDocument
 from ...schemas.documents.worlds import StoredPlace, WorldDocument
 from ...schemas.operations.registry import SEED_TAG, VIDEO_TAG
 from ...schemas.reports.report import ReportedFile, ReportedJob
@@ -22,6 +22,7 @@ from ...schemas.runs.programs import ApplicationRole
 from ...schemas.runs.provenance import PROVENANCE_FILE
 from ...schemas.runs.requirements import REQUIREMENTS_VARIABLE
 from ...schemas.runs.trial_rows import TRIALS_FILE, TrialsSummary, trial_folder
+from ...schemas.runs.trials import trials_in
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.common import counted
 from ...schemas.wire.errors import InvalidParameterException, ObjectNotFoundError, StorageError
@@ -125,6 +126,8 @@ def drive_of(job: JobRecord, service: Service, trial: int | None = None) -> Driv
         films_begin_s=_films_begin_s(document.outputs, files, service, folder),
         trial=trial,
         folder=folder,
+        trials=trials_in(document.request),
+        first_seed=document.seed,
         asked={str(each.get("name")): each for each in requirements_in(document.request) if is_mapping(each)},
         video_policy=str(
             document.request.get("video") or (document.request.get("tags") or {}).get(VIDEO_TAG) or "none"
@@ -299,7 +302,9 @@ _DECISIVE = (
     "requirements",
     "policy",
 )
-"""Members of a request, besides the seed, that influence the result."""
+"""Members of a request, besides seed and trials, that influence the result."""
+_RECORDED = ("record", "record_failed")
+"""Members of a request's trials that say which are recorded, which decides no verdict."""
 
 
 def with_inputs(jobs: Sequence[ReportedJob], service: Service) -> list[ReportedJob]:
@@ -313,7 +318,9 @@ def with_inputs(jobs: Sequence[ReportedJob], service: Service) -> list[ReportedJ
     inputs: list[JobInputs | None] = []
     for job in jobs:
         document = documents.get(job.arn or "")
-        found = inputs_of_request(document.request, document.seed) if document else job.inputs
+        found = (
+            inputs_of_request(document.request, document.seed, document.data_sources or []) if document else job.inputs
+        )
         made_of = document.made_of if document else None
         # Worlds that are deleted are still told apart: by what their jobs say of them, else by their ARNs.
         world = (made_of and made_of.world) or worlds.get(job.world_arn or "", job.world_arn)
@@ -321,12 +328,12 @@ def with_inputs(jobs: Sequence[ReportedJob], service: Service) -> list[ReportedJ
         inputs.append(found and found.model_copy(update={"world": world, "applications": used}))
     completed = _completed(inputs, [_names(documents.get(job.arn or "")) for job in jobs])
     return [
-        job.model_copy(update={"inputs": each, "axes": _axes_of(job, each)})
+        job.model_copy(update={"inputs": each, "axes": axes_of(job, each)})
         for job, each in zip(jobs, completed, strict=True)
     ]
 
 
-def _axes_of(job: ReportedJob, inputs: JobInputs | None) -> dict[str, Value]:
+def axes_of(job: ReportedJob, inputs: JobInputs | None) -> dict[str, Value]:
     """Returns a job's value of each axis in a form that is the same in every run: the world's content, else names."""
     world = (inputs and inputs.world) or ""
     cell = cell_in_tags(job.request.get("tags"))
@@ -340,12 +347,15 @@ def _named(value: Value) -> Value:
     return value
 
 
-def inputs_of_request(request: Mapping[str, Any], seed: int | None) -> JobInputs:
+def inputs_of_request(
+    request: Mapping[str, Any], seed: int | None, data: Sequence[ResolvedDataSource] = ()
+) -> JobInputs:
     """Returns a simulation job's inputs as far as they are known from its request.
 
     Args:
         request: Request as in the API.
         seed: Seed of the job; None: the job was never created.
+        data: Its data sources with the objects that were found; empty: it asks for none, or was never created.
     """
     given = request.get("seed", (request.get("tags") or {}).get(SEED_TAG))
     return JobInputs(
@@ -353,6 +363,7 @@ def inputs_of_request(request: Mapping[str, Any], seed: int | None) -> JobInputs
         seed_given=given is not None,
         requirements_sha256=_requirements_digest(request),
         request_sha256=_digest_of(request),
+        trials_and_data_sha256=_trials_and_data_digest(request, data),
     )
 
 
@@ -363,8 +374,20 @@ def _requirements_digest(request: Mapping[str, Any]) -> str | None:
     asked = [request.get("requirements"), *(each.get(REQUIREMENTS_VARIABLE) for each in variables)]
     if not any(asked):
         return None
-    text = json.dumps(asked, sort_keys=True, default=str, separators=(",", ":"))
-    return hashlib.sha256(text.encode()).hexdigest()
+    return _sha256(asked)
+
+
+def _trials_and_data_digest(request: Mapping[str, Any], data: Sequence[ResolvedDataSource]) -> str | None:
+    """Returns the hash of a request's trials and of the contents of its data; `None` if these are not known.
+
+    It is no part of `_digest_of`, as records of early releases lack it: their requests would all seem to have changed.
+    """
+    if request.get("dataSources") and not data:
+        return None
+    trials = request.get("trials")
+    if is_mapping(trials):
+        trials = {name: value for name, value in trials.items() if name not in _RECORDED}
+    return _sha256([trials, [source.to_json() for source in data]])
 
 
 def _digest_of(request: Mapping[str, Any]) -> str:
@@ -372,6 +395,10 @@ def _digest_of(request: Mapping[str, Any]) -> str:
     for role in _APPLICATIONS:
         if role in asked:
             asked[role] = [_without_arns(config) for config in asked[role]]
+    return _sha256(asked)
+
+
+def _sha256(asked: object) -> str:
     text = json.dumps(asked, sort_keys=True, default=str, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -473,17 +500,43 @@ def _completed(inputs: Sequence[JobInputs | None], asked: Sequence[set[tuple[str
 
 
 def told_of_twins(jobs: Sequence[ReportedJob]) -> list[ReportedJob]:
-    """Adds a note to jobs with identical states: their seed was forgotten, or has no effect."""
-    counts = Counter(filter(None, map(_states_of, jobs)))
+    """Adds a note to jobs with identical states: an axis of their step, or their seed, has no effect."""
+    twins: dict[str, list[ReportedJob]] = {}
+    for job in jobs:
+        if (states := _states_of(job)) is not None:
+            twins.setdefault(states, []).append(job)
+    idle = _idle_axes(jobs)
     told: list[ReportedJob] = []
     for job in jobs:
-        if job.result is not None and (count := counts.get(_states_of(job) or "", 0)) > 1:
-            note = (
-                f"this and {counted(count - 1, 'other job')} of the run went through the same states: they count once"
-            )
+        same = twins.get(_states_of(job) or "", [])
+        if job.result is not None and len(same) > 1:
+            others = counted(len(same) - 1, "other job")
+            note = f"this and {others} of the run went through the same states: they count once"
+            if axes := [name for name in job.axes if (job.step, name) in idle and _differ(same, name)]:
+                named = f"{'axis' if len(axes) == 1 else 'axes'} {' and '.join(axes)}"
+                note = f"{named} changed nothing: {note}"
             job = job.model_copy(update={"result": job.result.model_copy(update={"notes": [*job.result.notes, note]})})
         told.append(job)
     return told
+
+
+def _differ(jobs: Sequence[ReportedJob], axis: str) -> bool:
+    return len({str(job.axes.get(axis)) for job in jobs}) > 1
+
+
+def _idle_axes(jobs: Sequence[ReportedJob]) -> set[tuple[str | None, str]]:
+    """Returns steps and axes without an effect: jobs that differ in one alone all went through the same states."""
+    states: dict[tuple[str | None, str], dict[str, set[str | None]]] = {}
+    values: Counter[tuple[str | None, str]] = Counter()
+    for job in jobs:
+        for name in job.axes:
+            others = {axis: value for axis, value in job.axes.items() if axis != name}
+            alike = states.setdefault((job.step, name), {}).setdefault(
+                f"{job.world_arn} {job.seed} {sorted(others.items())}", set()
+            )
+            values[job.step, name] += bool(alike)
+            alike.add(_states_of(job))
+    return {axis for axis, groups in states.items() if values[axis] and all(len(each) == 1 for each in groups.values())}
 
 
 def _states_of(job: ReportedJob) -> str | None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from ...schemas.reports.run_record import RunRecord
 from ...schemas.specs.specification import CheckedStep
-from ...schemas.wire.errors import ConfigurationError, RobomakerError, ServiceError
+from ...schemas.wire.errors import ConfigurationError, Problem, RobomakerError, ServiceError, SpecError
 
 _logger = logging.getLogger(__name__)
 
@@ -62,3 +62,22 @@ def error_in_words(error: Exception) -> str:
         return str(error)
     _logger.error("a step broke", exc_info=error)
     return f"{type(error).__name__}: {error}"
+
+
+_NAMES_ITS_OBJECT = ("there is no ", "'")
+"""Beginnings of problems that name what they are about themselves, so that no path has to."""
+
+
+def refusal_in_words(error: Exception) -> str:
+    """Returns the reason for which a run was refused, in one line: `there is no robot application 'x' (a.yaml:11:45)`.
+
+    A specification with several problems has them all.
+    """
+    if not isinstance(error, SpecError):
+        return error_in_words(error)
+    return "; ".join(dict.fromkeys(map(_problem_in_words, error.problems)))
+
+
+def _problem_in_words(problem: Problem) -> str:
+    is_clear = not problem.path or problem.message.startswith(_NAMES_ITS_OBJECT)
+    return f"{'' if is_clear else f'{problem.path}: '}{problem.message} ({problem.place})"

@@ -7,12 +7,22 @@ from dataclasses import replace
 from functools import cache
 from typing import Any
 
+from ...schemas.reports.names import short_name
 from ...schemas.runs.requirement_kinds.goal import goals_at_start
 from ...schemas.runs.requirements import no_such_room, starts_on_origin
+from ...schemas.specs.checking.written_requests import (
+    WORLD,
+    WrittenRequest,
+    asked_rooms,
+    is_sound,
+    text_with,
+    written_requests,
+)
 from ...schemas.specs.specification import CheckedSpec, CheckedStep
 from ...schemas.specs.yaml_nodes import plain, value_place
 from ...schemas.wire.errors import (
     BucketNotFoundError,
+    ObjectNotFoundError,
     Problem,
     SpecError,
     StorageAccessDeniedError,
@@ -22,9 +32,10 @@ from ...schemas.wire.errors import (
 from ...schemas.wire.request_problems import Location, nearest, path_text
 from ..service.service import Service
 from ..service.store_retries import patiently
+from ..service.world_names import with_worlds_found
 from ..simulations.inputs.bundles import Rooms, rooms_of_world
 from ..simulations.outputs.output_places import DEFAULT_PREFIX, prepare_bucket
-from ..storage.object_store import join_key
+from ..storage.object_store import ObjectStore, check_key, check_prefix, join_key
 from ..worlds.generation import WORLDS_PREFIX
 from .forecasting import find_forecast
 
@@ -95,13 +106,13 @@ def check_disk(checked: CheckedSpec, service: Service) -> None:
 
 
 def check_preconditions(checked: CheckedSpec, service: Service) -> None:
-    """Checks before a run that object store and backend answer, and that named applications and rooms exist.
+    """Checks before a run that object store and backend answer, and that named applications, objects and rooms exist.
 
     To check the run's own credentials, a few bytes are written to the store and deleted.
 
     Raises:
-        SpecError: An application is named that does not exist, or a goal is in a room that its world has not, or where
-            its robot starts; says where and what is near.
+        SpecError: An application or an object of the store is named that does not exist, or a goal is in a room that
+            its world has not, or where its robot starts; says where and what is near.
         StorageError: The object store cannot be used.
         BackendError: The machines that are to run the jobs cannot be reached.
     """
@@ -110,6 +121,8 @@ def check_preconditions(checked: CheckedSpec, service: Service) -> None:
     prepare_bucket(service, service.settings.bucket)
     _check_writable(checked, service)
     check_named(checked, service)
+    if missing := missing_objects(checked, service.store):
+        raise SpecError(missing)
     check_rooms(checked, service)
 
 
@@ -149,6 +162,73 @@ def check_named(checked: CheckedSpec, service: Service) -> None:
                 problems.append(_problem(step, at, words))
     if problems:
         raise SpecError(problems)
+
+
+def with_all_found(checked: CheckedSpec, service: Service) -> CheckedSpec:
+    """Returns a specification with the ARNs of its worlds, after all names of worlds and applications were looked up.
+
+    Raises:
+        SpecError: Worlds or applications do not exist; with all of them, in the order of the file.
+    """
+    problems: list[Problem] = []
+    found = checked
+    try:
+        found = with_worlds_found(checked, service)
+    except SpecError as error:
+        problems += error.problems
+    try:
+        check_named(checked, service)
+    except SpecError as error:
+        problems += error.problems
+    if problems:
+        raise SpecError(sorted(problems, key=lambda each: (each.place.line, each.place.column)), checked.notes)
+    return found
+
+
+def names_any(checked: CheckedSpec) -> bool:
+    """Returns whether a specification's jobs name applications or worlds, which a run looks up in the catalog."""
+    steps = checked.steps.values()
+    return any(step.worlds for step in steps) or any(any(_named(plain(step.input), ())) for step in steps)
+
+
+def missing_objects(checked: CheckedSpec, store: ObjectStore) -> list[Problem]:
+    """Returns a problem for each object that a specification's steps name and that the object store does not have.
+
+    Such objects are archives of applications, bodies of templates and data of jobs, as far as they are known before the
+    run. Objects below a place that a step of the specification writes to are not looked for, nor those that may not be
+    read with these credentials: the step, or a job with its own role, says whether they are there.
+
+    Raises:
+        StorageError: The store does not answer.
+    """
+    written = [place for step in checked.steps.values() for place in _written(plain(step.input))]
+    is_there = cache(lambda bucket, key, is_prefix: _is_there(store, bucket, key, is_prefix=is_prefix))
+    problems: list[Problem] = []
+    for step in checked.steps.values():
+        for at, bucket, key in _objects(plain(step.input), ()):
+            if any(bucket == there and key.startswith(prefix) for there, prefix in written):
+                continue
+            try:
+                (check_prefix if "s3Keys" in at else check_key)(key)
+            except StorageError as error:  # of the key, before the store is asked
+                problems.append(_problem(step, at, str(error)))
+                continue
+            if not is_there(bucket, key, "s3Keys" in at):
+                problems.append(_problem(step, at, f"there is no object 's3://{bucket}/{key}' in the object store"))
+    return problems
+
+
+def _is_there(store: ObjectStore, bucket: str, key: str, *, is_prefix: bool) -> bool:
+    """Whether an object exists, or one whose key begins so; true if it cannot be told."""
+    try:
+        if is_prefix:
+            return next(iter(store.list(bucket, key)), None) is not None
+        store.head(bucket, key)
+    except StorageAccessDeniedError:
+        return True
+    except (BucketNotFoundError, ObjectNotFoundError):
+        return False
+    return True
 
 
 def check_templates(checked: CheckedSpec, service: Service) -> None:
@@ -215,34 +295,38 @@ def _room_problems(step: CheckedStep, rooms_of: RoomsOf) -> Iterator[Problem]:
 
     Jobs in worlds that are not known before the run are not checked.
     """
-    for at, order in _orders(plain(step.input), ()):
-        if not isinstance(order.get("requirements"), list):
-            continue
-        arn = _written_world(order)
-        rooms = rooms_of(arn) if arn else None
-        if rooms is None:
-            continue
-        for index, goal in enumerate(order["requirements"]):
-            room = goal.get("room") if isinstance(goal, Mapping) else None
-            if isinstance(room, str) and "${{" not in room and room not in rooms.names:
-                yield _problem(step, (*at, "requirements", index, "room"), no_such_room(room, rooms.names))
-        if starts_on_origin(order):
-            for index, member, words in goals_at_start(order["requirements"], rooms.start):
-                yield _problem(step, (*at, "requirements", index, member), words)
+    for request in written_requests(step):
+        told: dict[Location, str] = {}
+        for scope, world in request.values(WORLD) if is_sound(request) else ():
+            rooms = rooms_of(world) if world.startswith("arn:") else None
+            if rooms is not None:
+                which = f"; the world is {short_name(world)}" if scope else ""  # which one of several
+                for at, words in _wrong_rooms(request, rooms, scope):
+                    told.setdefault(at, f"{words}{which}")
+        for at, words in told.items():
+            yield _problem(step, (*request.location, *at), words)
+
+
+def _wrong_rooms(request: WrittenRequest, rooms: Rooms, scope: Mapping[str, Any]) -> Iterator[tuple[Location, str]]:
+    """Yields the goals of a request that a world's rooms forbid, with the reasons.
+
+    Args:
+        request: The request.
+        rooms: Rooms of the world.
+        scope: Values of variables with which the request names this world.
+    """
+    for at, node in asked_rooms(request):
+        room = text_with(str(node.value), scope)
+        if isinstance(room, str) and room not in rooms.names:
+            yield at, no_such_room(room, rooms.names)
+    order = plain(request.node)
+    if starts_on_origin(order) and isinstance(order.get("requirements"), list):
+        for index, member, words in goals_at_start(order["requirements"], rooms.start):
+            yield ("requirements", index, member), words
 
 
 def _problem(step: CheckedStep, at: Location, words: str) -> Problem:
     return Problem(value_place(step.input, at), path_text((*step.location, *at)), words)
-
-
-def _written_world(order: Mapping[str, Any]) -> str | None:
-    """Returns the world that a job request names; `None` if it names none, or refers to a step's output."""
-    found: Any = order
-    for key in ("simulationApplications", "worldConfigs"):
-        found = found.get(key) if isinstance(found, Mapping) else None
-        found = found[0] if isinstance(found, list) and found else None
-    world = found.get("world") if isinstance(found, Mapping) else None
-    return world if isinstance(world, str) and "${{" not in world else None
 
 
 def _orders(value: Any, at: Location) -> Iterator[tuple[Location, Mapping[str, Any]]]:
@@ -255,6 +339,35 @@ def _orders(value: Any, at: Location) -> Iterator[tuple[Location, Mapping[str, A
     elif isinstance(value, list):
         for index, inner in enumerate(value):
             yield from _orders(inner, (*at, index))
+
+
+def _objects(value: Any, at: Location) -> Iterator[tuple[Location, str, str]]:
+    """Yields location, bucket and key of every object that is given by name; a key in `s3Keys` may be a prefix."""
+    if isinstance(value, Mapping):
+        bucket, key, keys = value.get("s3Bucket"), value.get("s3Key"), value.get("s3Keys")
+        given = [((*at, "s3Key"), key)]
+        given += [((*at, "s3Keys", index), each) for index, each in enumerate(keys if isinstance(keys, list) else [])]
+        for place, each in given:
+            if isinstance(bucket, str) and isinstance(each, str) and "${{" not in bucket + each:
+                yield place, bucket, each
+        for member, inner in value.items():
+            yield from _objects(inner, (*at, member))
+    elif isinstance(value, list):
+        for index, inner in enumerate(value):
+            yield from _objects(inner, (*at, index))
+
+
+def _written(value: Any) -> Iterator[tuple[str, str]]:
+    """Yields bucket and prefix of every place that a request names for its outputs."""
+    if isinstance(value, Mapping):
+        location = value.get("outputLocation")
+        if isinstance(location, Mapping) and isinstance(bucket := location.get("s3Bucket"), str):
+            yield bucket, str(location.get("s3Prefix") or "").partition("${{")[0]
+        for inner in value.values():
+            yield from _written(inner)
+    elif isinstance(value, list):
+        for inner in value:
+            yield from _written(inner)
 
 
 def _named(value: Any, at: Location) -> Iterator[tuple[Location, str, str]]:

@@ -1,6 +1,7 @@
 """Repeats a stored run on this machine, to compare its states or to examine it."""
 
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
@@ -9,6 +10,7 @@ from ...schemas.runs.verification import Divergence, ReproductionFolder, RobotRe
 from ...schemas.wire.errors import ConfigurationError, LaunchError, ResourceNotFoundException
 from ..catalog import Resource
 from ..jobs.job_runs import launcher
+from ..runtime.replay.commands import first_other_command
 from ..runtime.replay.replay import (
     RunOutputs,
     first_difference,
@@ -69,7 +71,10 @@ def verify_run(
             return _verification(reference, first, [f"it cannot be run here: {error}"])
         if again.timeline is None:
             return _verification(reference, first, [f"its rerun came to no state: {outcome.failure_reason}"])
-        return _with_manifest(_compared(reference, first, again), whole.alterations(run.outputs.provenance.plan.trial))
+        answer = _compared(reference, first, again)
+        if run_program:
+            answer = _with_command(answer, run.outputs, again)
+        return _with_manifest(answer, whole.alterations(run.outputs.provenance.plan.trial))
 
 
 def _run_again(run: FoundRun, scratch: Path, service: Service, ros_domain: int) -> tuple[RunOutcome, RunOutputs]:
@@ -114,6 +119,7 @@ def reproduce_run(
         if reasons := why_not_repeatable(run.outputs):
             raise ConfigurationError(f"{reference} cannot be repeated: {'; '.join(reasons)}")
         plan = plan_here(run, scratch / "inputs", service, ros_domain)
+        _check_modules(reference, plan)
         try:
             test = write_reproduction(plan, run.folder, run.failure_code, folder)
         except FileExistsError as error:
@@ -133,6 +139,25 @@ def reproduce_run(
     )
 
 
+def _check_modules(reference: str, plan: RunPlan) -> None:
+    """Checks that Python finds the installed modules of a run's applications here.
+
+    Raises:
+        ConfigurationError: One is missing; the error says how its folder is given. A rerun would only say that it
+            failed, or that the application is another one.
+    """
+    for each in (plan.simulation_application, plan.robot_application):
+        if each is None or each.attribute is None or each.path is not None:
+            continue
+        module = each.attribute.partition(".")[0]
+        if find_spec(module) is None:
+            raise ConfigurationError(
+                f"{reference} cannot be repeated here: the Python module {module} of the {each.role} application "
+                f"{each.name} is not found; install it, or name the folder that {module} is in: "
+                "PYTHONPATH=FOLDER robomaker repro …"
+            )
+
+
 def _compared(reference: str, first: RunOutputs, again: RunOutputs) -> Verification:
     if reasons := why_other_inputs(first.provenance, again.provenance):
         return _verification(reference, first, reasons)
@@ -148,6 +173,24 @@ def _compared(reference: str, first: RunOutputs, again: RunOutputs) -> Verificat
             "digest_again": digest.value if digest else None,
         }
     )
+
+
+def _with_command(verification: Verification, first: RunOutputs, again: RunOutputs) -> Verification:
+    """Adds the first command that differs to a verification, unless the states differed before.
+
+    One that is not about a run with recorded commands, or whose commands are equal, is returned as it is.
+    """
+    difference = verification.divergence
+    if difference is None or first.actions is None or again.actions is None:
+        return verification
+    found = first_other_command(first.actions, again.actions)
+    if found is None:
+        return verification
+    at_s = found.time_s(first.result.sim_time_s if first.result is not None else verification.until_s or 0.0)
+    if at_s >= difference.time_s > 0:
+        return verification
+    command = f"{found.name} at step {found.number + 1} ({at_s:.2f} s): {found.values}"
+    return verification.model_copy(update={"divergence": difference.model_copy(update={"command": command})})
 
 
 def _with_manifest(verification: Verification, alterations: list[str]) -> Verification:

@@ -2,7 +2,6 @@
 
 import importlib.metadata
 import platform
-import shlex
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -26,10 +25,10 @@ from ...schemas.reports.report import (
 )
 from ...schemas.reports.run_exit_codes import exit_code_of
 from ...schemas.reports.run_record import JobRecord, RerunOf, RunRecord, StepRecord, interrupted_in_words
-from ...schemas.reports.run_states import run_state, with_known
+from ...schemas.reports.run_states import run_state, state_in_words, with_known
 from ...schemas.reports.variants import variants
 from ...schemas.runs.trial_rows import fails_besides
-from ...schemas.wire.common import counted
+from ...schemas.wire.common import passed_of
 from ...schemas.wire.errors import ResourceNotFoundException, StorageError
 from ..catalog import Resource
 from ..causes.effects import axis_effects
@@ -141,8 +140,11 @@ def _gathered(record: RunRecord, service: Service) -> tuple[Report, list[JobReco
         report = report.model_copy(update={"challenge": challenge})
     else:  # sabotaged jobs fail because of their sabotage
         states = results.states_of(jobs, digests)
-        why = explain(results, refused=_STOPPED if record.against else "", states=states)
-        effects = [] if record.against else axis_effects(results, states)
+        stopped = _STOPPED if record.against else ""
+        why = explain(results, refused=stopped, states=states, again=record.whole_again)
+        if why is not None:
+            why = why.model_copy(update={"parameters": record.parameters})
+        effects = [] if record.against else axis_effects(results, why, states)
         report = report.model_copy(update={"why": why, "effects": effects})
     write_why(report.why, record.run_dir)
     return report, jobs, results
@@ -176,8 +178,8 @@ def _state_of_challenge(of_steps: RunState, challenge: Challenge) -> RunState:
 
 
 def _with_changes(report: Report, record: RunRecord) -> Report:
-    """Adds the changes since the last run to a report; a run that is no night, such as a rerun, has none."""
-    if not is_night(record):
+    """Adds the changes since the last run to a report; a run that ended before its jobs has none, nor has a rerun."""
+    if not is_night(record) or record.ended_before_jobs:
         return report
     return report.model_copy(update={"since_last": since_last(NightRun.of(record), record.run_dir.parent)})
 
@@ -194,12 +196,14 @@ def report_of(record: RunRecord, service: Service) -> Report:
         steps=[_reported_step(step) for step in record.steps],
         worlds=_worlds(record.steps, reported, service),
         jobs=reported,
-        command=shlex.join(record.command or ["robomaker", "run", record.spec_path]),
+        command=record.whole_again,
+        refusal=record.refusal or "",
         parameters=record.parameters,
         rerun_of=_rerun_in_words(record.rerun_of),
         forecast=record.forecast,
         versions=dict(record.versions),
         against=in_words(record.against) if record.against else "",
+        stopped_early=record.against is not None and record.against.stopped_early,
         interrupted=interrupted_in_words(record.interruptions),
     )
 
@@ -297,7 +301,7 @@ def jobs_of(
                         failure_reason=str(error),
                     )
                 )
-    return with_inputs(told_of_twins(_with_owners(_with_names(jobs, steps, service), service)), service)
+    return told_of_twins(with_inputs(_with_owners(_with_names(jobs, steps, service), service), service))
 
 
 def _with_names(jobs: Sequence[ReportedJob], steps: Sequence[StepRecord], service: Service) -> list[ReportedJob]:
@@ -394,7 +398,7 @@ def records_of_ended(step: str, jobs: Sequence[Resource], service: Service) -> t
     reported = [_reported_job(job, service).model_copy(update={"step": step}) for job in jobs]
     reported = with_inputs(reported, service)
     places = places_of(reported, service)
-    records = [_job_record(job, job.label, places.get(job.arn or ""), service) for job in reported]
+    records = [_job_record(job, (job.label, ""), places.get(job.arn or ""), service) for job in reported]
     return records, results_of(records, service, places)
 
 
@@ -459,13 +463,14 @@ def job_records(jobs: Sequence[ReportedJob], places: Mapping[str, StoredPlace], 
         service: Service that stores the jobs.
     """
     return [
-        _job_record(job, name, places.get(job.arn or ""), service)
-        for job, name in zip(jobs, case_names(jobs), strict=True)
+        _job_record(job, names, places.get(job.arn or ""), service)
+        for job, names in zip(jobs, case_names(jobs), strict=True)
     ]
 
 
-def _job_record(job: ReportedJob, name: str, place: StoredPlace | None, service: Service) -> JobRecord:
+def _job_record(job: ReportedJob, names: tuple[str, str], place: StoredPlace | None, service: Service) -> JobRecord:
     result = job.result
+    test, case_name = names
     return JobRecord(
         arn=job.arn,
         label=job.label,
@@ -490,7 +495,8 @@ def _job_record(job: ReportedJob, name: str, place: StoredPlace | None, service:
         metrics=result.metrics if result else {},
         output_uri=service.store.uri(place.bucket, place.prefix) if place else None,
         step=job.step,
-        test=name,
+        test=test,
+        case_name=case_name,
         requirements=result.requirements if result else [],
         inputs=job.inputs,
         axes=job.axes,
@@ -568,8 +574,9 @@ def _show(report: Report, jobs: Sequence[JobRecord], path: Path, pages: ConsoleP
     ]
     show_table(artifact_key("robomaker", report.run_id, "jobs"), rows, "Simulation jobs")
     outcomes = [classify(job.status, job.failure_code, job.verdict) for job in jobs]
-    passed = f"{outcomes.count(Outcome.PASSED)} of {counted(len(jobs), 'job')} pass."
-    lines = [f"# {report.name}: {report.state}", "", passed, "", f"Report: `{path}`"]
+    passed = f"{passed_of(outcomes.count(Outcome.PASSED), len(jobs), 'job')}."
+    state = state_in_words(report.state, Counter(each.value for each in outcomes))
+    lines = [f"# {report.name}: {state}", "", passed, "", f"Report: `{path}`"]
     if page := pages.run(report.run_id):
         lines += ["", f"[Run in the console]({page})"]
     lines.append("")

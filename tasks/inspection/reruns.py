@@ -9,17 +9,16 @@ from ...schemas.documents.simulation_jobs import SimulationJobBatchDocument, Sim
 from ...schemas.operations.registry import SEED_TAG
 from ...schemas.reports.names import ambiguous, begins_id, meant, near_names, short_name, with_id
 from ...schemas.reports.report import ReportedJob
-from ...schemas.reports.run_record import RerunOf, RunRecord, StepRecord
+from ...schemas.reports.run_record import WITHOUT_GOOD_RESULT, RerunOf, RunRecord, StepRecord
 from ...schemas.reports.run_states import names_for_known
 from ...schemas.wire.errors import ConfigurationError
 from ...schemas.wire.json_values import is_list, is_object
 from ..catalog import Resource
-from ..reporting.outcomes import Outcome, outcome_of
+from ..reporting.outcomes import outcome_of
 from ..service.service import Service
 from ..simulations.planning.run_plans import world_arn
 from .reports import jobs_of
 
-_FAILED = (Outcome.BROKEN, Outcome.FAILED, Outcome.CANCELED, Outcome.UNFINISHED)
 _MOST_NAMED = 5
 _BATCH = "StartSimulationJobBatch"
 
@@ -89,7 +88,7 @@ def plan_rerun(record: RunRecord, selection: Selection, service: Service, timeou
     everything = [order.job for found in orders.values() for order in found]
     if not everything:
         raise ConfigurationError(
-            f"the run {record.run_id} made no simulation jobs; `robomaker run {record.spec_path}` runs all of it again"
+            f"the run {record.run_id} made no simulation jobs; `{record.whole_again}` runs all of it again"
         )
     named = _named(selection, everything, record.run_id)
     chosen = {name: [order for order in found if _is_selected(order.job, named)] for name, found in orders.items()}
@@ -135,7 +134,7 @@ def failed_again(arn: str, service: Service) -> dict[str, Any] | None:
         ResourceNotFoundException: The catalog has no such batch.
     """
     step = StepRecord(name="batch", operation=_BATCH, status="Completed", arn=arn)
-    failed = [order for order in _orders(step, service) if outcome_of(order.job) in _FAILED]
+    failed = [order for order in _orders(step, service) if outcome_of(order.job).value in WITHOUT_GOOD_RESULT]
     return _batch_request(step, failed, service) if failed else None
 
 
@@ -229,7 +228,7 @@ def chosen_jobs(selection: Selection, jobs: Sequence[ReportedJob], run_id: str) 
 
 
 def _is_selected(job: ReportedJob, selection: Selection) -> bool:
-    if selection.failed and outcome_of(job) not in _FAILED:
+    if selection.failed and outcome_of(job).value not in WITHOUT_GOOD_RESULT:
         return False
     if selection.jobs and job.label not in selection.jobs:
         return False

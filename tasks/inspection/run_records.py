@@ -36,13 +36,13 @@ class FoundRecords:
 
 
 def read_record(path: Path) -> RunRecord:
-    """Reads the record of a run (`run.json`).
+    """Reads the record of a run (`run.json`), with the paths of the folder that it is in now.
 
     Raises:
         ConfigurationError: The file is not a record, or is one of a newer version.
     """
     try:
-        return RunRecord.model_validate_json(path.read_bytes())
+        return RunRecord.stored_in(path.parent, path.read_bytes())
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,9 +13,10 @@ from ...schemas.reports.live_comparison import Against, AgainstAnswer
 from ...schemas.reports.report import ReportedJob
 from ...schemas.reports.run_record import JobRecord, RunRecord, StepRecord
 from ...schemas.runs.programs import STOP_EVENTS
-from ...schemas.specs.batch_splitting import step_of
+from ...schemas.specs.batch_splitting import parts_of, step_of
+from ...schemas.specs.resolving import resolve_input
 from ...schemas.specs.specification import CheckedSpec
-from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException
+from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException, SpecError
 from ..catalog import Resource
 from ..comparison.compared_runs import NightRun
 from ..comparison.early_stops import Outcomes, PairedTrials, States, decide, told_decision
@@ -23,7 +25,7 @@ from ..comparison.statistics.e_processes import fewest_pairs
 from ..jobs.request_order import mixed_order
 from ..service.service import Service
 from ..simulations.planning.run_plans import world_arn
-from .job_outputs import inputs_of_request, with_inputs
+from .job_outputs import axes_of, inputs_of_request, with_inputs
 from .reports import records_of_ended
 from .run_records import RECORD_NAME, read_record
 
@@ -59,7 +61,38 @@ def earlier_run(asked: Against, runs: Path, spec: CheckedSpec) -> NightRun:
             f"decide anything at --alpha {asked.alpha:g}, however the others end; it takes "
             f"{fewest_pairs(asked.alpha)} trials at least, more where not all of them change"
         )
+    if _has_no_pairs(before, spec):
+        raise ConfigurationError(
+            f"--against is {asked.run_id}, of which no job has the step, seed and axes of a job of {spec.name}, so "
+            "that there are no pairs; a run of the same specification would do"
+        )
     return before
+
+
+def _has_no_pairs(before: NightRun, spec: CheckedSpec) -> bool:
+    """Whether no job of a specification can have a pair in an earlier run, as far as that is known before it runs.
+
+    It is not known where requests refer to what earlier steps make, or name worlds.
+    """
+    asked: list[JobRecord] = []
+    for step in spec.steps.values():
+        if step.operation in DRIVES:
+            try:
+                parts = parts_of(step.operation, resolve_input(step, {}))
+            except (SpecError, KeyError):
+                return False
+            for part in parts:
+                requests = part.request.get("createSimulationJobRequests", [part.request])
+                asked += [_requested(part.name(step.name), request) for request in requests]
+                if any(world_arn(request) for request in requests):
+                    return False
+    return spec.seed is None and not pair_jobs(before.jobs, asked).pairs
+
+
+def _requested(step: str, request: Mapping[str, Any]) -> JobRecord:
+    inputs = inputs_of_request(request, None)
+    axes = axes_of(ReportedJob(label="", status="Pending", request=dict(request)), inputs)
+    return JobRecord(label="", status="Pending", step=step, inputs=inputs, axes=axes)
 
 
 def _why_unfit(record: RunRecord, spec: CheckedSpec) -> str:

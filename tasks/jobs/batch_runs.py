@@ -17,7 +17,8 @@ from ...schemas.documents.simulation_jobs import (
 )
 from ...schemas.lifecycles import batch_outcome, is_terminal
 from ...schemas.operations.simulation_jobs import SimulationJobRequest
-from ...schemas.reports.run_states import case_outcome, outcomes_in_words
+from ...schemas.reports.run_record import case_outcome
+from ...schemas.reports.run_states import outcomes_in_words
 from ...schemas.runs.programs import STOP_EVENTS, STOPPING, StopReason, Wait
 from ...schemas.wire.base import STORED
 from ...schemas.wire.common import shorten
@@ -32,7 +33,7 @@ from ..machine.machine_slots import MachineSlots, Turn
 from ..service.service import Progress, Service
 from ..simulations.planning.job_contents import CurrentApplications
 from ..simulations.stored_jobs import check_references, reuse_job, store_job
-from .batch_workers import AwaitedJobs, BatchTrials, WorkerWait
+from .batch_workers import AwaitedJobs, BatchTrials, EndedJobs, WorkerWait
 from .job_runs import perform_job, stop_idle_job
 from .request_order import mixed_order
 from .simulation_places import IS_STORED, SIMULATED, Place, only_finishes, permit_of
@@ -47,6 +48,8 @@ _logger = logging.getLogger(__name__)
 _WAIT_S = 0.5
 _ASK_S = 0.2
 """Interval between two checks of the catalog whether the batch should be cancelled, in seconds."""
+_REPORT_S = 1.0
+"""Interval between two looks at the statuses of the jobs, which change without news here, in seconds."""
 _INTERNAL = "InternalServiceError"
 _MOST_AHEAD = 16  # jobs of a backend that wait for a worker: more than workers take between two looks
 _END_EVENTS: Mapping[str, str] = {
@@ -92,7 +95,8 @@ class BatchRun:
         self._patient = self._service.patient(batch.id, lambda: self._stop_reason() is not None)
         self._failed = dict(document.failed)
         self._saved = len(self._failed)
-        self._made = set(jobs_by_request(batch, service))
+        jobs = jobs_by_request(batch, service)
+        self._made, self._ended = set(jobs), EndedJobs(jobs.values())
         self._stop: StopReason | None = STOPPING.get(batch.status)
         priority = self._policy.priority or 0
         self._machine = MachineSlots(
@@ -100,6 +104,7 @@ class BatchRun:
         )
         self._waits_for: Wait | None = None
         self._is_news = False  # since progress was told; the next look tells it, once for all that happened meanwhile
+        self._told, self._report_at_s = Progress({}, 0), 0.0
         self._finishing = threading.BoundedSemaphore(1)
         self._concurrency: int | None = None
         self._workers = ""
@@ -254,6 +259,7 @@ class BatchRun:
             if (job := self._outlasting(lambda: self.create_job(index))) is not None:
                 self._is_news = True
                 awaited.wait(job.arn, lambda: self._stop is not None or broken.is_set())
+                self._note_end(job)
             self._is_news = True
 
         def look_at_workers() -> bool:
@@ -322,7 +328,13 @@ class BatchRun:
                         job.arn, self._service, self._jobs_stop_reason, waited_s=turn.waited_s, place=place
                     )
                 )
+                self._note_end(job)
         self._is_news = True
+
+    def _note_end(self, job: Resource) -> None:
+        """Remembers how a job ended; until the catalog says so, progress tells that it stores."""
+        with suppress(ServiceError):
+            self._ended.note(self._patient.catalog.get(job.arn))
 
     def _may_finish(self, stack: ExitStack) -> bool:
         """Takes a place for drawing and uploading, of the batch's and the machine's; returns whether both had one."""
@@ -445,8 +457,10 @@ class BatchRun:
             request, token = self._request(index)
             with suppress(ServiceError, StorageError):  # what is wrong with it is said when it is to be run
                 place = (self._arn, index)
-                if reuse_job(request, self._patient, token=token, batch=place, applications=applications):
+                job = reuse_job(request, self._patient, token=token, batch=place, applications=applications)
+                if job is not None:
                     self._made.add(index)
+                    self._ended.note(job)
         self._report()
 
     def _refuse_early(self) -> None:
@@ -476,18 +490,27 @@ class BatchRun:
             self._saved = len(failed)
 
     def _report(self) -> None:
-        """Reports the number of the batch's requests in each state, including requests that have no job yet."""
+        """Reports the number of the batch's requests in each state, including requests that have no job yet.
+
+        Does nothing if nothing has changed since the last report.
+        """
+        self._is_news, self._report_at_s = False, time.monotonic() + _REPORT_S
         statuses = self._service.catalog.count_children(self._arn, kind="simulation-job")
         counts = Counter({status.lower(): count for status, count in statuses.items()})
         failed = len(self._failed)
-        for status, count in self._finish().items():
+        for status, finishing in self._finish().items():
+            count = min(finishing, counts[status.lower()])  # a job's status may have changed between the two counts
             counts[status.lower()] -= count
             counts["storing" if status == IS_STORED else "drawing"] += count
+        self._ended.tell(counts)
         # Requests that are no jobs yet wait as those do that are.
         counts["pending"] += len(self._requests) - counts.total() - failed
         counts["not created"] = failed
         total, trials = len(self._requests), self._trials.counts
-        self._service.report_progress(Progress(dict(counts), total, self._waits_for, trials))
+        progress = Progress({state: count for state, count in counts.items() if count}, total, self._waits_for, trials)
+        if progress != self._told:
+            self._told = progress
+            self._service.report_progress(progress)
 
     def _finish(self) -> dict[str, int]:
         """Counts the jobs, by status, that have simulated and only draw videos or store outputs."""
@@ -504,8 +527,7 @@ class BatchRun:
         self._save_failures()
         if not self._only_finishes():
             self._note_stop()
-        if self._trials.look() or self._is_news:
-            self._is_news = False
+        if self._trials.look() or self._is_news or time.monotonic() >= self._report_at_s:
             self._report()
         if self._lease.job.status == "InProgress" and not self._waiting():
             self._lease.transition("drain")
@@ -526,6 +548,7 @@ class BatchRun:
 
     def _settle(self) -> None:
         jobs = jobs_by_request(self._batch, self._service)
+        self._ended = EndedJobs(jobs.values())
         waiting = self._waiting()
         if waiting or any(SimulationJobDocument.of(job).failure_code in STOP_EVENTS for job in jobs.values()):
             self._note_stop()  # the last jobs may have ended before anybody looked why

@@ -4,13 +4,15 @@ import concurrent.futures
 import logging
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 
 from ...schemas.documents.document_base import Json
-from ...schemas.documents.simulation_jobs import JobTrials, SimulationJobBatchDocument
+from ...schemas.documents.simulation_jobs import JobTrials, SimulationJobBatchDocument, SimulationJobDocument
 from ...schemas.lifecycles import is_terminal
+from ...schemas.reports.run_record import CaseOutcome, case_outcome
 from ...schemas.runs.programs import STOPPING, Scarce, StopReason
 from ...schemas.runs.trials import TrialCounts, TrialRecordings, planned_trials, trial_counts
 from ...schemas.wire.errors import ConfigurationError, LeaseLostError, ResourceNotFoundException, RobomakerError
@@ -346,3 +348,40 @@ def _recordings(job: Resource, told: JobTrials) -> TrialRecordings:
     found = told.trials_recorded
     assert found is not None
     return found.model_copy(update={"finished": found.total}) if is_terminal(KIND, job.status) else found
+
+
+_JUDGED = ("Failed", "Completed")
+"""Statuses of jobs that ended by themselves, of which the verdict says more."""
+
+
+class EndedJobs:
+    """Outcomes of a batch's jobs that have ended, for its progress: a job that completed may have failed.
+
+    Args:
+        jobs: Jobs of the batch so far, ended or not.
+    """
+
+    def __init__(self, jobs: Iterable[Resource] = ()) -> None:
+        self._outcomes: dict[str, tuple[str, CaseOutcome]] = {}
+        for job in jobs:
+            self.note(job)
+
+    def note(self, job: Resource) -> None:
+        """Remembers how a job ended; from any thread."""
+        if job.status in _JUDGED:
+            document = SimulationJobDocument.of(job)
+            outcome = case_outcome(job.status, document.verdict, document.failure_code)
+            self._outcomes[job.arn] = (job.status.lower(), outcome)
+
+    def tell(self, counts: Counter[str]) -> None:
+        """Replaces statuses by outcomes in counts of jobs by status.
+
+        Jobs whose end is noted in a moment are counted as storing, so that no job changes its end.
+        """
+        noted = Counter(list(self._outcomes.values()))
+        left = {status: counts.pop(status, 0) for status in map(str.lower, _JUDGED)}
+        for (status, outcome), count in noted.items():
+            moved = min(count, left[status])  # the counts may have been taken before
+            left[status] -= moved
+            counts[outcome] += moved
+        counts["storing"] += sum(left.values())

@@ -148,6 +148,7 @@ class GenerationRun:
         self._total = WorldGenerationJobDocument.of(job).request.world_count.total
         self._lock = threading.Lock()
         self._made: set[str] = set()
+        self._taken_over = 0
         self._failures: list[WorldFailure] = []
 
     def run(self) -> None:
@@ -178,6 +179,7 @@ class GenerationRun:
         """Whether an equal world was found and is recorded in place of generating one; false if the job has to stop."""
         if self._stopped() or not reuse_world(self._service, self._job, index, world_arn):
             return False
+        self._taken_over += 1
         self._note_end(world_arn, None)
         return True
 
@@ -205,8 +207,10 @@ class GenerationRun:
             else:
                 self._made.add(world_arn)
             done, failed = len(self._made), len(self._failures)
+            taken_over = self._taken_over
         pending = self._total - done - failed
-        self._service.report_progress(Progress({"succeeded": done, "failed": failed, "pending": pending}, self._total))
+        counts = {"taken over": taken_over, "succeeded": done - taken_over, "failed": failed, "pending": pending}
+        self._service.report_progress(Progress(counts, self._total))
 
     def _generate(self, missing: list[tuple[int, str]]) -> None:
         workers = min(len(missing), os.cpu_count() or 1)

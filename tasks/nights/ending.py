@@ -91,6 +91,7 @@ def finish_run(
         name=facts.wanted.checked.name,
         spec_path=facts.wanted.spec_path,
         parameters=dict(facts.wanted.checked.parameters),
+        worlds=dict(facts.wanted.checked.found_worlds),
         command=facts.wanted.repeated_by,
         state="broken",
         exit_code=EXIT_CODES["broken"],

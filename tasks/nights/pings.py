@@ -12,6 +12,7 @@ from collections.abc import Callable
 from urllib.parse import quote, urlsplit, urlunsplit
 
 from ...schemas.reports.run_record import RunRecord
+from ...schemas.reports.run_states import shown_state
 
 NAME = "{name}"
 """Placeholder in a monitoring URL for the name of the specification."""
@@ -53,7 +54,7 @@ def ping_end(address: str | None, record: RunRecord, complain: Complain) -> None
     """
     if address is not None:
         last = "" if record.state == "succeeded" else "fail"
-        _ping(address, record.name, last, f"{record.run_id}: {record.state}", complain)
+        _ping(address, record.name, last, f"{record.run_id}: {shown_state(record)}", complain)
 
 
 def ping_address(address: str, name: str, last: str) -> str:

@@ -12,15 +12,15 @@ from pathlib import Path
 from typing import Any
 
 from ...schemas.reports.progress import ProgressListener
-from ...schemas.reports.run_record import BEFORE_STEPS, RunRecord, StepRecord, new_run_id
+from ...schemas.reports.run_record import BEFORE_STEPS, Order, RunRecord, StepRecord, new_run_id
 from ...schemas.settings import Settings
 from ...schemas.specs.check import load_spec
 from ...schemas.specs.specification import CheckedSpec, is_spec_name
 from ...schemas.wire.errors import RobomakerError
-from ..inspection.pipeline_parts import error_in_words
+from ..inspection.pipeline_parts import refusal_in_words
 from ..inspection.run_records import commit_of
 from ..service.service import Service
-from .ending import RunFacts, finish_run
+from .ending import RunFacts, finish_run, is_pinged
 from .missed_nights import note_schedule
 from .pings import ping_start
 from .wanted_runs import WantedRun
@@ -58,8 +58,9 @@ def finish_refused(
     settings: Settings,
     listener: ProgressListener,
     *,
-    flow_run: str | None,
-    deployment: str | None,
+    flow_run: str | None = None,
+    deployment: str | None = None,
+    run_id: str | None = None,
 ) -> RunRecord | None:
     """Writes the record and report of a run that was refused before its first step, and sends notifications.
 
@@ -68,25 +69,27 @@ def finish_refused(
         error: Reason for which it was refused.
         settings: Settings that say who is notified and called.
         listener: Called with problems.
-        flow_run: Id of the flow run that refused it.
-        deployment: Id of the Prefect deployment that this is a run of.
+        flow_run: Id of the flow run that refused it; `None`: it had none yet.
+        deployment: Id of the Prefect deployment that this is a run of; `None`: of none.
+        run_id: Id of the run, whose folder may be there; `None`: it has none yet.
 
     Returns:
         The record; `None`: it could not be written, which is logged.
     """
     spec, at = wanted.checked, datetime.now(UTC)
-    run_id, reason = new_run_id(spec.name, at), error_in_words(error)
-    if (begun := ping_start(settings.ping_url, spec.name, run_id)) is not None:
+    run_id, reason = run_id or new_run_id(spec.name, at), refusal_in_words(error)
+    folder = settings.home / "runs" / run_id
+    facts = RunFacts(wanted, run_id, at, commit_of(Path(wanted.spec_path)), folder)
+    if is_pinged(facts) and (begun := ping_start(settings.ping_url, spec.name, run_id)) is not None:
         begun.join()  # else the call of the end could come before it
     refused = StepRecord(name=BEFORE_STEPS, operation="RunPipeline", status="Failed", error=reason)
     skipped = [StepRecord(name=name, operation=spec.steps[name].operation, status="Skipped") for name in spec.order]
-    folder = settings.home / "runs" / run_id
     try:
         if deployment is not None and spec.order:  # else its name is not known
             note_schedule(settings.home, str(deployment), spec.name, at)
-        folder.mkdir(parents=True)
+        folder.mkdir(parents=True, exist_ok=True)
         return finish_run(
-            RunFacts(wanted, run_id, at, commit_of(Path(wanted.spec_path)), folder),
+            facts,
             [refused, *skipped],
             settings,
             _service(),
@@ -101,6 +104,21 @@ def finish_refused(
     except Exception:  # the reason for the refusal is raised, and counts more
         _logger.exception("the refused run %s has no record", run_id)
         return None
+
+
+def finish_refused_order(order: Order, error: Exception, settings: Settings, listener: ProgressListener) -> None:
+    """Does for a run that was ordered in the console, and refused, what `finish_refused` does for those of deployments.
+
+    Args:
+        order: The order, whose specification may have problems.
+        error: Reason for which it was refused.
+        settings: Settings that say who is notified and called.
+        listener: Called with problems.
+    """
+    known = known_spec(order.text, order.filename, order.parameters, order.name)
+    spec = replace(known, name=order.name or known.name)
+    wanted = WantedRun(spec, order.spec_path, order.command, reuse=order.reuse, rerun_of=order.rerun_of)
+    finish_refused(wanted, error, settings, listener, run_id=order.run_id)
 
 
 def _service() -> Service | None:

@@ -10,6 +10,7 @@ from ...schemas.specs.specification import CheckedSpec, with_seed
 from ..execution.dead_flow_runs import tell_of_dead
 from ..inspection.pipeline_parts import Permit
 from ..service.service import Service
+from ..service.world_names import with_known_worlds
 from .broken_off import BrokenOff, broken_off
 from .ending import Outlasting, RunFacts, is_pinged
 from .environments import environment_of_run
@@ -43,7 +44,12 @@ def keep_order(
     Returns:
         The run; `None`: its order cannot be kept, and it goes on without.
     """
-    known = {"flow_run": flow_run and str(flow_run), "started_at": facts.started_at, "source": facts.source}
+    known = {
+        "flow_run": flow_run and str(flow_run),
+        "started_at": facts.started_at,
+        "source": facts.source,
+        "worlds": dict(facts.wanted.checked.found_worlds),
+    }
     deployment = deployment and str(deployment)
     if deployment is not None:
         note_schedule(service.settings.home, deployment, facts.wanted.checked.name, service.clock())
@@ -101,7 +107,7 @@ def ordered_run(run: OpenRun, permit: Permit | None = None) -> WantedRun:
 
 
 def ordered_spec(order: Order) -> CheckedSpec:
-    """Returns the checked specification of a stored order.
+    """Returns the checked specification of a stored order, with the worlds that were found when the run began.
 
     Raises:
         SpecError: This release finds problems in it.
@@ -109,7 +115,9 @@ def ordered_spec(order: Order) -> CheckedSpec:
     spec = load_spec(order.text, order.filename, order.parameters)
     if order.name is not None:
         spec = replace(spec, name=order.name)
-    return spec if order.seed is None else with_seed(spec, order.seed)
+    if order.seed is not None:
+        spec = with_seed(spec, order.seed)
+    return with_known_worlds(spec, order.worlds)
 
 
 def taken_run(settings: Settings, run_id: str) -> OpenRun | str:

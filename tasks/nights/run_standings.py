@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from ...schemas.reports.run_record import JobRecord, Order, RunRecord, RunState, StepRecord
-from ...schemas.reports.run_states import counts_in_words
+from ...schemas.reports.run_states import count_outcomes, counts_in_words, state_in_words
 from ...schemas.wire.errors import ConfigurationError
 from ..inspection.job_outputs import places_of, results_of
 from ..inspection.reports import job_records, jobs_of
@@ -45,12 +45,16 @@ class StandingRun:
     @property
     def passed(self) -> bool:
         """Whether the run succeeded, and has jobs, each of which was judged and passed."""
-        verdicts = {job.verdict if job.status == "Completed" else None for job in self.jobs}
-        return self.outcome == "succeeded" and verdicts == {"PASS"}
+        return self.shown_state == "passed"
 
     def in_words(self) -> str:
-        """Describes the run's state in one line: `failed: 3 of 4 verdicts pass`."""
-        return ": ".join(filter(None, (self.outcome, counts_in_words(self.jobs))))
+        """Describes the run's state in one line: `failed: 3 of 4 jobs passed`."""
+        return ": ".join(filter(None, (self.shown_state, counts_in_words(self.jobs))))
+
+    @property
+    def shown_state(self) -> str:
+        """State of the run in the word for its jobs: `passed` if it succeeded and each of them passed."""
+        return state_in_words(self.outcome, count_outcomes(self.jobs))
 
 
 def stand_of(folder: Path, service: Service) -> StandingRun:

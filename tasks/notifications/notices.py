@@ -37,7 +37,8 @@ def notify_of(record: RunRecord, settings: Settings, service: Service | None, li
         return
     try:
         before = run_before(record)
-        since = since_last_good(record) if is_night(record) else None
+        # Losses of earlier runs were told with them: one that ended before its jobs says nothing about these.
+        since = since_last_good(record) if is_night(record) and not record.ended_before_jobs else None
         if is_due(settings.notify_when, record, before, since):
             pictures = _pictures(failed_jobs(record)[:WORST], service) if service is not None else {}
             message = message_of(record, before, since, pages_elsewhere(settings), platform.node())

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 from ...schemas.reports.changes import Losses, SinceLastRun
 from ...schemas.reports.live_comparison import in_words
-from ...schemas.reports.run_record import CaseOutcome, JobRecord, RunRecord
-from ...schemas.reports.run_states import case_outcome, count_outcomes
+from ...schemas.reports.run_record import CaseOutcome, JobRecord, RunRecord, case_outcome
+from ...schemas.reports.run_states import count_outcomes, plain_reason, shown_state
 from ...schemas.runs.plan import Requirement
-from ...schemas.wire.common import counted
+from ...schemas.wire.common import passed_of
 from ..reporting.console_pages import NO_CONSOLE, ConsolePages
 from ..reporting.nights.changes import (
     judged_otherwise_in_words,
@@ -23,9 +23,9 @@ WORST = 3
 """Number of the worst failures that a message names."""
 
 _MAX_REASON = 300
+_MAX_IN_TITLE = 120
 _WORDS: Mapping[CaseOutcome, str] = {
-    "passed": "pass",
-    "failed": "fail",
+    "failed": "failed",
     "broken": "broke",
     "canceled": "canceled",
     "unfinished": "unfinished",
@@ -43,13 +43,13 @@ class Message:
 
 
 def failed_jobs(record: RunRecord) -> list[JobRecord]:
-    """Lists the jobs that did not pass, worst first; cancelled jobs are left out.
+    """Lists the jobs that did not pass, worst first and known failures last; cancelled jobs are left out.
 
     Errors come before failed verdicts, then jobs that missed most requirements; otherwise the order of requests is
     kept.
     """
     failed = [job for job in record.jobs if _outcome(job) in ("broken", "failed")]
-    return sorted(failed, key=lambda job: (_outcome(job) != "broken", -len(_missed(job))))
+    return sorted(failed, key=lambda job: (bool(job.known), _outcome(job) != "broken", -len(_missed(job))))
 
 
 def message_of(
@@ -90,16 +90,32 @@ def message_of(
         lines.append(judged_otherwise_in_words(since.other_requirements))
     if lines[-1]:
         lines.append("")
+    lines += _where_to_look(record, pages, host, has_failures=bool(failures))
+    missed = newly_missed_briefly(since.requirements) if since is not None else ""
+    told = (
+        f"{record.name}: {'refused' if record.refusal is not None else shown_state(record)}{again}",
+        counts,
+        _short(record.refusal or record.step_error, _MAX_IN_TITLE),
+        missed,
+        _lost_briefly(since),
+    )
+    title = ", ".join(filter(None, told))
+    return Message(title, "\n".join(lines), good)
+
+
+def _where_to_look(record: RunRecord, pages: ConsolePages, host: str, *, has_failures: bool) -> list[str]:
+    """Returns the last lines of a message: places of the run, and commands that show it and run it again."""
+    lines: list[str] = []
     if page := pages.run(record.run_id):
         lines.append(f"Run: {page}")
     if record.report_path:
-        lines.append(f"Report: {record.report_path}{f' on {host}' if host else ''}")
-    if failures:
-        lines.append(f"Run these again: robomaker rerun {record.run_id} --failed")
-    missed = newly_missed_briefly(since.requirements) if since is not None else ""
-    told = (f"{record.name}: {record.state}{again}", counts, missed, _lost_briefly(since))
-    title = ", ".join(filter(None, told))
-    return Message(title, "\n".join(lines), good)
+        on_host = f" on {host}" if host else ""
+        lines.append(f"Report: {record.report_path}{on_host}")
+        if not page:  # a path opens nothing where the message is read
+            lines.append(f"Open it{on_host}: robomaker report {record.run_id} --open")
+    if has_failures:
+        lines.append(f"Run these again: {record.again}")
+    return lines
 
 
 def _steps_that_broke(record: RunRecord) -> list[str]:
@@ -122,19 +138,19 @@ def _lost_briefly(since: Losses | None) -> str:
 def _counts(record: RunRecord) -> str:
     if not record.jobs:
         return ""
-    counts = count_outcomes(record.jobs)
-    parts = [
-        f"{counts.get(outcome, 0)} {word}" for outcome, word in _WORDS.items() if outcome in counts or word == "pass"
-    ]
-    return f"{', '.join(parts)} of {counted(len(record.jobs), 'job')}"
+    counts = count_outcomes(job for job in record.jobs if not job.known)
+    others = [f"{counts[outcome]} {word}" for outcome, word in _WORDS.items() if outcome in counts]
+    known = sum(bool(job.known) for job in record.jobs)
+    others += [f"{known} known"] if known else []
+    return ", ".join([passed_of(counts.get("passed", 0), len(record.jobs), "job"), *others])
 
 
 def _line(job: JobRecord) -> str:
     where = f"{job.label} in {job.world}" if job.world and not job.name else job.title_with_id
-    if (missed := _missed(job)) and not job.failure_reason:
-        return f"{where}: " + _short("; ".join(f"{each.name}: {each.detail}" for each in missed))
-    reason = job.failure_reason or job.verdict_reason or ""
-    return f"{where}: " + _short(": ".join(part for part in (job.failure_code, reason) if part) or job.status)
+    missed = "; ".join(f"{each.name}: {each.detail}" for each in _missed(job))
+    reason = job.failure_reason or plain_reason(job.verdict_reason or "") or missed
+    known = f"known, {job.known}: " if job.known else ""
+    return f"{where}: {known}" + _short(": ".join(part for part in (job.failure_code, reason) if part) or job.status)
 
 
 def _missed(job: JobRecord) -> list[Requirement]:
@@ -145,6 +161,6 @@ def _outcome(job: JobRecord) -> CaseOutcome:
     return case_outcome(job.status, job.verdict, job.failure_code)
 
 
-def _short(text: str | None) -> str:
+def _short(text: str | None, longest: int = _MAX_REASON) -> str:
     line = " ".join((text or "").partition("\nLast lines of ")[0].split())
-    return line if len(line) <= _MAX_REASON else f"{line[: _MAX_REASON - 1]}…"
+    return line if len(line) <= longest else f"{line[: longest - 1]}…"

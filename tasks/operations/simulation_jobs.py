@@ -1,5 +1,6 @@
 """Handlers of operations on simulation jobs: one robot, one world, one run."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -22,6 +23,7 @@ from ...schemas.wire.errors import InvalidParameterException, StateConflictError
 from ..catalog import ClientToken, Resource
 from ..execution.credential_blocks import read_credential_block
 from ..execution.task_pool import run_alone, step_runner
+from ..jobs.batch_workers import EndedJobs
 from ..jobs.job_runs import perform_job, stop_idle_job
 from ..jobs.simulation_places import Place, permit_of
 from ..machine.machine_slots import MachineSlots
@@ -46,9 +48,7 @@ def perform_simulation_job(arn: str, service: Service) -> None:
         return is_canceled or is_terminal(KIND, status)
 
     def tell_trials(told: TrialCounts) -> None:
-        counts = {"completed": told.finished, "running": told.total - told.finished}
-        # The counts are those of the trials already, unless some are recorded again.
-        service.report_progress(Progress(counts, told.total, trials=told if told.to_record else None))
+        service.report_progress(Progress({"running": 1}, 1, trials=told))
 
     def tell_wait(scarce: Scarce | None) -> None:
         service.report_progress(Progress({"pending": 1}, 1, scarce))
@@ -63,8 +63,10 @@ def perform_simulation_job(arn: str, service: Service) -> None:
             perform_job(arn, service, run_step=run_step, on_trials=tell_trials, waited_s=waited_s, place=place)
 
     run_alone(perform, job_arn=arn, service=service)
-    status = service.catalog.get(arn).status
-    service.report_progress(Progress({status.lower(): 1}, 1))
+    job = service.catalog.get(arn)
+    counts = Counter([job.status.lower()])
+    EndedJobs([job]).tell(counts)
+    service.report_progress(Progress({state: count for state, count in counts.items() if count}, 1))
 
 
 @operation("CreateSimulationJob", perform=perform_simulation_job)

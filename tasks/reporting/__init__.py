@@ -1,6 +1,7 @@
 """Reports of pipeline runs as one self-contained HTML file, as JUnit XML and as Markdown; and their figures."""
 
 from . import outcomes
+from .case_names import case_names
 from .causes import WhyView, view_why, why_in_lines
 from .drawings.plan import draw_open_plan
 from .drawings.trajectory import draw_drive
@@ -10,7 +11,7 @@ from .nights.beside import Drive, PairPainter
 from .nights.changes import change_in_words
 from .nights.comparison_view import ComparedSide, ComparisonPage, PairLine
 from .nights.history_view import HistoryPage, view_history
-from .nights.trials_beside import trials_beside
+from .nights.trials_beside import SideTrials, TrialsBeside, trials_beside
 from .outcomes import Outcome, classify
 from .render import (
     page_environment,
@@ -25,7 +26,7 @@ from .render import (
     write_report,
 )
 from .report_view import view_report
-from .summaries import case_names, summarize
+from .summaries import summarize
 from .worlds import WorldView, view_worlds
 
 __all__ = [
@@ -36,6 +37,8 @@ __all__ = [
     "Outcome",
     "PairLine",
     "PairPainter",
+    "SideTrials",
+    "TrialsBeside",
     "WhyView",
     "WorldView",
     "case_names",

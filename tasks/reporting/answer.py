@@ -2,7 +2,7 @@
 
 from ...schemas.reports.changes import SinceLastRun
 from ...schemas.reports.report import Report, ReportSummary
-from ...schemas.wire.common import counted
+from ...schemas.wire.common import passed_of
 from .outcomes import headline
 
 
@@ -17,7 +17,7 @@ def answer_of(report: Report, numbers: ReportSummary) -> str:
     """
     told = headline(report)
     if report.challenge is None and numbers.trials > len(report.jobs):
-        told += f" ({numbers.success.passed} of {counted(numbers.trials, 'trial')} passed)"
+        told += f" ({passed_of(numbers.success.passed, numbers.trials, 'trial')})"
     since = report.since_last
     is_told = since is not None and (report.jobs or since.has_losses)
     news = news_in_words(since) if since is not None and is_told else ""

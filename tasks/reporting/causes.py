@@ -48,7 +48,9 @@ def is_told(why: Why | None) -> TypeGuard[Why]:
 
 
 def why_in_lines(why: Why | None, most: int = _MOST_LINES) -> Iterator[str]:
-    """Yields one line for each of the largest groups of failures, those with a claim first, with how to repeat one.
+    """Yields a line for all failures, if they share a cause or none has one, and one for each of the largest groups.
+
+    Groups with a claim come first; each line ends with how to repeat one of its trials.
 
     Args:
         why: Causes of a run's failures; None: there are none.
@@ -56,9 +58,14 @@ def why_in_lines(why: Why | None, most: int = _MOST_LINES) -> Iterator[str]:
     """
     if not is_told(why):
         return
+    leading = why.leading
+    if leading is not None:
+        yield "; ".join(filter(None, (why.size, why.headline, leading.details, leading.command)))
     groups = sorted(why.groups, key=lambda each: not each.claims)
     for group in groups[:most]:
-        yield f"{group.in_words}; {group.command}"
+        yield f"{group.told(why.reason_of(group))}; {group.command}"
+    if leading is None and len(groups) > 1 and why.copies:
+        yield why.size
     if len(groups) > most:
         yield f"and {len(groups) - most} more groups of failures"
     if not any(group.claims for group in groups):

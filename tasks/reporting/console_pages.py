@@ -51,9 +51,29 @@ def pages_elsewhere(settings: Settings) -> ConsolePages:
     return ConsolePages("" if _is_of_this_machine(url) and not settings.console_url else url)
 
 
-def note_console(home: Path, url: str) -> None:
-    """Stores the URL of this process's console in the data home, in place of any other one."""
-    write_whole(home / _NOTE, json.dumps({"url": url, "pid": os.getpid()}))
+def note_console(home: Path, url: str, prefect_url: str | None = None) -> None:
+    """Stores the URL of this process's console in the data home, in place of any other one.
+
+    Args:
+        home: Data home.
+        url: URL of the console.
+        prefect_url: URL of the Prefect server by which this process carries out jobs; None: it carries out none.
+    """
+    note = {"url": url, "pid": os.getpid(), "home": str(home), "prefect_url": prefect_url}
+    write_whole(home / _NOTE, json.dumps(note))
+
+
+def served_with(home: Path, prefect_url: str) -> str:
+    """Describes the `robomaker serve` of a data home that carries out jobs by a Prefect server; empty: none runs.
+
+    Args:
+        home: Data home.
+        prefect_url: URL of the Prefect server.
+    """
+    note, url = _read(home), _running(home)
+    return (
+        f"robomaker serve at {url}, process {note.get('pid')}" if url and note.get("prefect_url") == prefect_url else ""
+    )
 
 
 def forget_console(home: Path) -> None:
@@ -85,5 +105,6 @@ def _is_of_this_machine(url: str) -> bool:
 def _read(home: Path) -> dict[str, object]:
     with suppress(OSError, ValueError):
         note = json.loads((home / _NOTE).read_bytes())
-        return note if isinstance(note, dict) else {}
+        # A copied home has the note of the home that it was copied from.
+        return note if isinstance(note, dict) and note.get("home", str(home)) == str(home) else {}
     return {}

@@ -86,14 +86,12 @@ def _properties(step: StepSuite, summary: ReportSummary) -> Iterator[tuple[str, 
     pages = ConsolePages(summary.console_url)
     if page := pages.run(summary.run_id):
         yield "page", page
-    for job in step.jobs:
-        for name, value in _facts(job, pages):
-            yield f"{job.test}.{name}", value
 
 
 def _facts(job: JobCase, pages: ConsolePages) -> Iterator[tuple[str, str]]:
     facts = {
         "name": job.title or None,
+        "test": job.test,
         "job": job.name,
         "seed": job.seed,
         "world": job.world,
@@ -106,7 +104,7 @@ def _facts(job: JobCase, pages: ConsolePages) -> Iterator[tuple[str, str]]:
 
 
 def _case(job: JobCase, suite: str, pages: ConsolePages) -> ElementTree.Element:
-    case = _element("testcase", name=job.test, classname=suite, time=_seconds(job.time_s))
+    case = _element("testcase", name=job.case_name, classname=suite, time=_seconds(job.time_s))
     if job.known:
         case.append(_element("skipped", message=_clean(f"known, {job.known}")))
     elif job.outcome == "failed":

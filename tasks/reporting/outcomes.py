@@ -10,10 +10,12 @@ from types import MappingProxyType
 from typing import Any
 
 from ...schemas.operations.registry import VIDEO_TAG
-from ...schemas.reports.report import Report, ReportedJob
-from ...schemas.reports.run_states import case_outcome
+from ...schemas.reports.report import JobCase, Report, ReportedJob
+from ...schemas.reports.run_record import JobRecord, case_outcome
 from ...schemas.runs.plan import Verdict
+from ...schemas.runs.programs import StopReason
 from ...schemas.runs.trials import planned_trials
+from ...schemas.wire.common import counted, passed_of
 
 
 class Outcome(Enum):
@@ -60,6 +62,24 @@ def classify(status: str, failure_code: str | None, verdict: Verdict | None) -> 
     return Outcome(case_outcome(status, verdict, failure_code))
 
 
+def never_began(job: JobRecord | ReportedJob | JobCase) -> bool:
+    """Whether no job was made of a request, as its batch ended before: such requests are counted, and not listed."""
+    return job.arn is None and job.failure_code == StopReason.BATCH_CANCELED
+
+
+def never_began_in_words(count: int, *, is_decided: bool) -> str:
+    """Counts jobs that never began: `18 jobs were not needed: it was decided before`; empty if there are none.
+
+    Args:
+        count: Number of the jobs.
+        is_decided: Whether the comparison with an earlier run had its answer, which ended the batch.
+    """
+    if not count:
+        return ""
+    why = "needed: it was decided before" if is_decided else "started: the batch was canceled before"
+    return f"{counted(count, 'job')} {'was' if count == 1 else 'were'} not {why}"
+
+
 def count_outcomes(jobs: Iterable[ReportedJob]) -> dict[Outcome, int]:
     """Counts jobs by outcome, worst first; outcomes that did not occur are left out."""
     counts = Counter(outcome_of(job) for job in jobs)
@@ -69,8 +89,11 @@ def count_outcomes(jobs: Iterable[ReportedJob]) -> dict[Outcome, int]:
 def headline(report: Report) -> str:
     """Summarises a run in one line without a full stop: `3 of 4 jobs passed; 1 failed`.
 
-    A run of a challenge has that one's line; a run without jobs says how many worlds it made.
+    A run of a challenge has that one's line; a run without jobs says how many worlds it made, and one that was refused
+    why.
     """
+    if report.refusal:
+        return f"refused before its first step: {report.refusal}"
     if report.challenge is not None:
         return report.challenge.headline
     if not report.jobs:
@@ -81,8 +104,7 @@ def headline(report: Report) -> str:
             else "Nothing was simulated"
         )
     counts = count_outcomes(report.jobs)
-    total = len(report.jobs)
-    sentence = f"{counts.get(Outcome.PASSED, 0)} of {total} {'job' if total == 1 else 'jobs'} passed"
+    sentence = passed_of(counts.get(Outcome.PASSED, 0), len(report.jobs), "job")
     others = [f"{count} {outcome.value}" for outcome, count in counts.items() if outcome is not Outcome.PASSED]
     if known := sum(bool(job.known) for job in report.jobs):
         others.append(f"{known} of the failures {'is' if known == 1 else 'are'} known")
@@ -201,3 +223,21 @@ def name_and_unit(metric: str) -> tuple[str, str]:
 def plain(text: str) -> str:
     """Removes terminal colours and control characters from log text."""
     return _CONTROLS.sub("", _TERMINAL_CODES.sub("", text.replace("\r\n", "\n"))).strip("\n")
+
+
+def why_no_video_of_trial(policy: str, verdict: str) -> str:
+    """Returns why a recorded trial has no video, as a clause with code in backticks.
+
+    Args:
+        policy: Video policy of the job's request: `none`, `on-failure` or `always`.
+        verdict: Verdict of the trial; empty if its result cannot be read.
+    """
+    if policy == "none":
+        return "the request asks for none"
+    if policy == "on-failure" and verdict in ("PASS", "NONE"):
+        return "the trial did not fail, and the request asks for videos of failures only (`video: on-failure`)"
+    if policy == "on-failure" and verdict:
+        return (
+            "with `video: on-failure` only the first trials that do not pass have one, as many as `record_failed` says"
+        )
+    return "none is stored"

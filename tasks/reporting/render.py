@@ -24,8 +24,12 @@ from ..files.whole_files import write_whole
 from ..results.table import ResultTable
 from . import outcomes
 from .nights.changes import (
+    cause_in_words,
     change_in_words,
+    fallen_in_words,
+    fell_most_in_words,
     judged_otherwise_in_words,
+    largest_fall_in_words,
     loss_in_words,
     place_in_words,
     requirement_in_words,
@@ -252,6 +256,10 @@ def page_environment(*folders: Path) -> jinja2.Environment:
         place=place_in_words,
         requirement=requirement_in_words,
         trend=trend_in_words,
+        cause=cause_in_words,
+        fallen=fallen_in_words,
+        fell_most=fell_most_in_words,
+        fell=largest_fall_in_words,
         parameters=values_in_words,
         value=value_in_words,
     )

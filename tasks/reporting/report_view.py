@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from ...schemas.reports.report import AxisResult, Report, ReportedFile, ReportedJob, ReportSummary, Share
-from ...schemas.reports.run_record import CUT_SHORT
+from ...schemas.reports.report import AxisResult, Report, ReportedFile, ReportedJob, ReportedStep, ReportSummary, Share
+from ...schemas.reports.run_record import BEFORE_STEPS, CUT_SHORT
+from ...schemas.reports.run_states import state_in_words
 from ...schemas.runs.plan import Requirement, RunResult
 from ...schemas.runs.programs import WAITS_FOR
 from ...schemas.runs.trial_rows import TRIALS_FOLDER, TrialsSummary
@@ -35,6 +36,8 @@ _COLUMNS = (
 """Columns of the table of jobs: member of `Numbers`, title, digits and unit."""
 _OF_TRIAL = re.compile(rf"{TRIALS_FOLDER}/(\d+)/")
 _KNOWN_METRICS = frozenset({"distance_m", "collisions", "max_force_N", "sim_time_s", "wall_time_s", "real_time_factor"})
+_SHOWN_AFTER_S = 1.0
+"""Shortest time after a job's run that its card shows, in seconds."""
 
 
 @dataclass(frozen=True)
@@ -154,6 +157,11 @@ class Page:
     why: WhyView | None
 
     @property
+    def steps(self) -> list[ReportedStep]:
+        """Steps of the specification; the record of a refused run has one more, with the reason."""
+        return [step for step in self.report.steps if step.name != BEFORE_STEPS]
+
+    @property
     def columns(self) -> list[tuple[str, str, int, str]]:
         """Columns of numbers of the table of jobs, without those that no job has a number in."""
         return [each for each in _COLUMNS if any(getattr(job.numbers, each[0]) is not None for job in self.jobs)]
@@ -211,6 +219,11 @@ class Page:
     def title_of_others(self) -> str:
         """Title of the section of jobs that are in no section of failures."""
         return "Other jobs" if self.failures or self.errors or self.known else "Jobs"
+
+    @property
+    def shown_state(self) -> str:
+        """State of the run in the word for its jobs: `passed` if it succeeded and each of them passed."""
+        return state_in_words(self.report.state, self.numbers.counts)
 
     @property
     def judged_of_all(self) -> str:
@@ -308,9 +321,20 @@ class Page:
         return len(self.jobs) > 1 and any((self.numbers.requirements, self.shared_worlds, self.numbers.rooms))
 
     @property
+    def begun(self) -> list[JobView]:
+        """Jobs, and requests of which no job came, without those whose batch ended before: these are one sentence."""
+        return [job for job in self.jobs if not outcomes.never_began(job.job)]
+
+    @property
+    def never_began(self) -> str:
+        """Sentence without full stop on the requests whose batch ended before; empty: there are none."""
+        left = len(self.jobs) - len(self.begun)
+        return outcomes.never_began_in_words(left, is_decided=self.report.stopped_early)
+
+    @property
     def others(self) -> list[JobView]:
         """Jobs that neither failed nor had an error; those that need attention come first."""
-        return sorted((job for job in self.jobs if not job.outcome.is_failure), key=lambda job: job.outcome.rank)
+        return sorted((job for job in self.begun if not job.outcome.is_failure), key=lambda job: job.outcome.rank)
 
 
 def view_report(report: Report, results: ResultTable | None = None) -> Page:
@@ -358,7 +382,7 @@ def _view_job(job: ReportedJob, index: int, worlds: Mapping[str, WorldView], bud
         log="" if job.log_tail.strip() in reason else outcomes.plain(job.log_tail),
         world=world,
         numbers=numbers,
-        measures=[*_measures(numbers), *_waits(job)],
+        measures=[*_measures(numbers), *_besides(job)],
         more=_other_metrics(job.result),
         plan=drawing,
         plan_note=note,
@@ -450,12 +474,12 @@ def _measures(numbers: Numbers) -> list[Measure]:
     return [measure for measure in measures if measure.value != "–"]
 
 
-def _waits(job: ReportedJob) -> list[Measure]:
-    """Returns the job's waiting times for its machine, by the scarce resource."""
-    return [
-        Measure(f"waited for {WAITS_FOR[scarce]}", outcomes.number(time_s, 1), "s")
-        for scarce, time_s in job.waited_s.items()
-    ]
+def _besides(job: ReportedJob) -> list[Measure]:
+    """Returns the job's times that its wall time does not include: waiting before it ran, videos and uploads after."""
+    waits = {f"waited for {WAITS_FOR[scarce]}": time_s for scarce, time_s in job.waited_s.items()}
+    after = {"videos after the run": job.video_s or 0.0, "upload": job.upload_s or 0.0}
+    shown = {name: time_s for name, time_s in after.items() if time_s >= _SHOWN_AFTER_S}
+    return [Measure(name, outcomes.number(time_s, 1), "s") for name, time_s in (waits | shown).items()]
 
 
 def _other_metrics(result: RunResult | None) -> list[Measure]:

@@ -1,14 +1,12 @@
 """Figures of a run's report: rates, counts and times."""
 
-from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
-
 from ...schemas.reports.report import JobCase, Report, ReportedJob, ReportedStep, ReportSummary, StepSuite
 from ...schemas.reports.run_record import JobRecord
 from ...schemas.reports.run_states import plain_reason
 from ..results import rates
 from ..results.table import ResultTable
 from . import outcomes
+from .case_names import lasting_titles, named_cases
 from .outcomes import Outcome, count_outcomes, outcome_of
 from .worlds import trials_share
 
@@ -40,6 +38,7 @@ def summarize(report: Report, results: ResultTable | None = None, console_url: s
         parameters=report.parameters,
         rerun_of=report.rerun_of,
         against=report.against,
+        stopped_early=report.stopped_early,
         forecast=report.forecast,
         challenge=report.challenge,
         axes=report.axes,
@@ -70,18 +69,6 @@ def _results_of(report: Report) -> ResultTable:
     )
 
 
-def case_names(jobs: Sequence[ReportedJob]) -> list[str]:
-    """Returns a unique name for each job of a run, the same in every run of its specification."""
-    by_step: dict[str | None, list[int]] = {}
-    for index, job in enumerate(jobs):
-        by_step.setdefault(job.step, []).append(index)
-    names = [""] * len(jobs)
-    for indexes in by_step.values():
-        for index, (name, _) in zip(indexes, _named(jobs[index] for index in indexes), strict=True):
-            names[index] = name
-    return names
-
-
 def why_broken(job: ReportedJob) -> str:
     """Returns the reason why a job did not pass: its failure's reason, missed requirements or summary; else empty."""
     if job.failure_reason:
@@ -98,8 +85,9 @@ def folder_of(job: ReportedJob) -> str:
 
 
 def _suite(step: ReportedStep, report: Report, labels: dict[str, str]) -> StepSuite:
-    named = _named(job for job in report.jobs if job.step == step.name)
-    jobs = sorted(named, key=lambda each: not outcome_of(each[1]).is_failure)
+    own = [job for job in report.jobs if job.step == step.name]
+    named = [(title, *each) for title, each in zip(lasting_titles(own), named_cases(own), strict=True)]
+    jobs = sorted(named, key=lambda each: not outcome_of(each[2]).is_failure)
     has_failed = step.status.endswith("Failed") and not jobs
     return StepSuite(
         name=step.name,
@@ -107,26 +95,17 @@ def _suite(step: ReportedStep, report: Report, labels: dict[str, str]) -> StepSu
         status=step.status,
         error=(step.detail or step.status) if has_failed else "",
         time_s=step.duration_s,
-        jobs=[_case(job, test, labels) for test, job in jobs],
+        jobs=[_case(job, test, title, labels) for title, test, job in jobs],
     )
 
 
-def _named(jobs: Iterable[ReportedJob]) -> Iterator[tuple[str, ReportedJob]]:
-    """Yields a step's jobs with names without ids, so that they can be compared with those of other runs."""
-    seen: Counter[str] = Counter()
-    for number, job in enumerate(jobs, start=1):
-        place = job.world_arn.rpartition("/")[2] if job.world_arn else f"request {number}"
-        name = f"{place} {job.application}" if job.application else place
-        seen[name] += 1
-        yield (name if seen[name] == 1 else f"{name} ({seen[name]})"), job
-
-
-def _case(job: ReportedJob, test: str, labels: dict[str, str]) -> JobCase:
+def _case(job: ReportedJob, test: str, title: str, labels: dict[str, str]) -> JobCase:
     outcome, result = outcome_of(job), job.result
     return JobCase(
         name=job.label,
         title=job.name,
         test=test,
+        case_name=title,
         arn=job.arn,
         outcome=outcome.value,
         reason="" if outcome is Outcome.PASSED else why_broken(job),

@@ -12,9 +12,10 @@ from ...schemas.reports.report import Report, ReportedJob, ReportedWorld, Share
 from ...schemas.runs.axes import AS_BUILT, value_text
 from ...schemas.runs.axis_kinds.kind import Value
 from ...schemas.runs.trial_rows import FailingTrial, TrialCounts, TrialsSummary
-from ...schemas.wire.common import counted
+from ...schemas.wire.common import passed_of
 from ...schemas.worlds.world import Preference, World
 from ..results.rates import share_of
+from . import outcomes
 from .drawings import plan
 from .drawings.svg_writing import Frame
 from .pictures import Picture, PictureError, embed_picture, embed_svg
@@ -64,7 +65,7 @@ def view_worlds(report: Report, budget_bytes: int) -> list[WorldView]:
     """
     drives: dict[str, list[int]] = {}
     for number, job in enumerate(report.jobs, start=1):
-        if job.world_arn:
+        if job.world_arn and not outcomes.never_began(job):  # those have no card
             drives.setdefault(job.world_arn, []).append(number)
     return [
         _view_world(world, index, drives.get(world.arn, []), budget_bytes)
@@ -156,7 +157,7 @@ class TrialsView:
     def label(self) -> str:
         """Summary of the trials: `95 of 100 trials passed`."""
         judged = self.share.passed + self.share.failed + self.share.errors
-        return f"{self.share.passed} of {counted(judged, 'trial')} passed"
+        return passed_of(self.share.passed, judged, "trial")
 
 
 def trials_share(job: ReportedJob) -> Share | None:
@@ -194,4 +195,4 @@ def axes_in_words(axes: Mapping[str, Value]) -> str:
 
 
 def _share(name: str, counts: TrialCounts) -> Share:
-    return share_of(name, counts.passed, counts.failed, counts.errors)
+    return share_of(name, counts.passed, counts.failed, counts.errors, copies=counts.copies)

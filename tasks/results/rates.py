@@ -2,15 +2,15 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...schemas.reports.report import ReportedJob, Share
 from ...schemas.reports.run_record import CaseOutcome
 from ...schemas.runs.requirements import REQUIREMENT_KINDS
+from ...schemas.trial_copies import copy_key
 from .table import ResultTable
 
 _Z_95 = 1.959963984540054  # two-sided 95 % quantile of the normal distribution
@@ -52,16 +52,34 @@ class Counts:
     passed: int = 0
     failed: int = 0
     errors: int = 0
+    with_key: int = 0
+    """Number of trials that passed or failed and whose states are known."""
+    keys: frozenset[int] = frozenset()
+    """Different keys of those, from `copy_key`: a trial of another run may be a copy, too."""
+
+    @classmethod
+    def of(cls, judged: Iterable[tuple[bool, int | None]], errors: int = 0) -> "Counts":
+        """Counts trials: whether each passed, and its key; what ended with an error is counted apart."""
+        each = list(judged)
+        known = [key for _, key in each if key is not None]
+        passed = sum(has_passed for has_passed, _ in each)
+        return cls(passed, len(each) - passed, errors, len(known), frozenset(known))
 
     def share(self, name: str) -> Share:
         """Returns these counts as a pass rate with its confidence interval, under a name."""
-        return share_of(name, self.passed, self.failed, self.errors)
+        return share_of(name, self.passed, self.failed, self.errors, copies=self.with_key - len(self.keys))
 
     def __add__(self, other: "Counts") -> "Counts":
-        return Counts(self.passed + other.passed, self.failed + other.failed, self.errors + other.errors)
+        return Counts(
+            self.passed + other.passed,
+            self.failed + other.failed,
+            self.errors + other.errors,
+            self.with_key + other.with_key,
+            self.keys | other.keys,
+        )
 
 
-def share_of(name: str, passed: int, failed: int, errors: int = 0, different: int | None = None) -> Share:
+def share_of(name: str, passed: int, failed: int, errors: int = 0, *, copies: int = 0) -> Share:
     """Returns a pass rate with its confidence interval (Wilson) from counts; without trials it has no rate.
 
     Trials that ended with an error do not count for the rate.
@@ -71,27 +89,27 @@ def share_of(name: str, passed: int, failed: int, errors: int = 0, different: in
         passed: Number of trials that passed.
         failed: Number of trials that failed.
         errors: Number of trials that ended with an error.
-        different: Number of trials that passed or failed and went through other states than those before; the interval
-            is as wide as that of so many trials. None: all.
+        copies: Number of trials that passed or failed and are copies of others; the interval is as wide as that of the
+            others.
     """
     trials = passed + failed
     if not trials:
         return Share(name=name, passed=passed, failed=failed, errors=errors)
-    copies = 0 if different is None else trials - different
     low, high = wilson_interval(passed / trials * (trials - copies), trials - copies)
     return Share(
         name=name, passed=passed, failed=failed, errors=errors, copies=copies, rate=passed / trials, low=low, high=high
     )  # fmt: skip
 
 
-def of_outcomes(name: str, outcomes: Sequence[CaseOutcome]) -> Share:
+def of_outcomes(name: str, outcomes: Sequence[CaseOutcome], keys: Sequence[int | None]) -> Share:
     """Returns the pass rate of jobs or trials; stopped and unjudged ones do not count.
 
     Args:
         name: Name of the rate: what the jobs or trials have in common.
         outcomes: Outcome of each job or trial.
+        keys: Key of each, which copies share.
     """
-    return _counts(Counter(outcomes)).share(name)
+    return _counts(zip(outcomes, keys, strict=True)).share(name)
 
 
 def of_table(name: str, results: ResultTable, *, errors_fail: bool = False) -> Share:
@@ -102,25 +120,22 @@ def of_table(name: str, results: ResultTable, *, errors_fail: bool = False) -> S
         results: Table of results.
         errors_fail: Whether trials with errors count as failed.
     """
-    codes, outcomes = results.codes("outcome")
-    found = np.bincount(codes, minlength=len(outcomes)).tolist()
-    counts = _counts(Counter(dict(zip(outcomes, found, strict=True))))
-    errors = counts.errors
+    outcomes = results.texts("outcome")
     if errors_fail:
-        counts, errors = Counts(counts.passed, counts.failed + errors), 0
-    counted = ("passed", "failed", "broken") if errors_fail else ("passed", "failed")
-    different = _different(results, np.isin(codes, [code for code, each in enumerate(outcomes) if each in counted]))
-    return share_of(name, counts.passed, counts.failed, errors, different)
+        outcomes = ["failed" if each == "broken" else each for each in outcomes]
+    return _counts(zip(outcomes, trial_keys(results, outcomes), strict=True)).share(name)
 
 
-def _different(results: ResultTable, among: NDArray[np.bool_]) -> int:
-    """Counts trials that went through other states than those before; one without a digest is like no other.
+def trial_keys(results: ResultTable, judged: Iterable[Hashable], states: Sequence[str | None] = ()) -> list[int | None]:
+    """Returns the key of each row of a results table, which copies share; see `copy_key`.
 
-    A digest is that of all states of the model, which other worlds and robots change: equal ones are copies.
+    Args:
+        results: Table of results.
+        judged: How each row was judged.
+        states: Digest of all states of each row; empty: those of the table.
     """
-    digests, _ = results.codes("state_digest")
-    own = digests[among]
-    return len(np.unique(own[own >= 0])) + int((own < 0).sum())
+    digests = states or results.texts("state_digest")
+    return [copy_key(*each) for each in zip(digests, results.texts("world"), judged, strict=True)]
 
 
 def counts_by(results: ResultTable, column: str) -> dict[str, Counts]:
@@ -128,14 +143,12 @@ def counts_by(results: ResultTable, column: str) -> dict[str, Counts]:
 
     Trials with an empty cell in the column are not counted.
     """
-    groups, names = results.codes(column)
-    codes, outcomes = results.codes("outcome")
-    here = groups >= 0
-    table = np.bincount(groups[here] * len(outcomes) + codes[here], minlength=len(names) * len(outcomes))
-    rows = table.reshape(len(names), len(outcomes)).tolist() if names else []
-    return {
-        name: _counts(Counter(dict(zip(outcomes, row, strict=True)))) for name, row in zip(names, rows, strict=True)
-    }
+    outcomes = results.texts("outcome")
+    groups: dict[str, list[tuple[str | None, int | None]]] = {}
+    for name, outcome, key in zip(results.texts(column), outcomes, trial_keys(results, outcomes), strict=True):
+        if name is not None:
+            groups.setdefault(name, []).append((outcome, key))
+    return {name: _counts(rows) for name, rows in groups.items()}
 
 
 def by_world(results: ResultTable) -> list[Share]:
@@ -166,10 +179,14 @@ def requirement_counts(results: ResultTable) -> dict[str, Counts]:
     )
     codes, outcomes = results.codes("outcome")
     is_judged = np.isin(codes, [code for code, outcome in enumerate(outcomes) if outcome != "broken"])
+    states = trial_keys(results, [None] * len(results))
     found = {}
     for name in results.requirements:
-        met = results.met(name)
-        counts = Counts(int(((met == 1) & is_judged).sum()), int((met == 0).sum()), broken[name])
+        rows = zip(results.met(name).tolist(), is_judged.tolist(), states, strict=True)
+        judged = (
+            (met == 1, copy_key(key, met)) for met, has_verdict, key in rows if met == 0 or (met == 1 and has_verdict)
+        )
+        counts = Counts.of(judged, broken[name])
         if counts != Counts():
             found[name] = counts
     return found
@@ -213,13 +230,23 @@ def margin_units(results: ResultTable) -> dict[str, set[str | None]]:
     return units
 
 
+def units_if_met(results: ResultTable) -> dict[str, str]:
+    """Returns the units of margins of requirements such as goals, which have it only in trials that met them."""
+    every = (each for row in results.first_rows for each in results.requirements_at(row) if each.counts)
+    kinds = ((each.name, REQUIREMENT_KINDS.get(each.kind or "")) for each in every)
+    return {name: kind.unit_if_met for name, kind in kinds if kind is not None and kind.unit_if_met is not None}
+
+
 def _compares(kind: str | None) -> bool:
     known = REQUIREMENT_KINDS.get(kind or "")
     return known is None or known.margins_compare
 
 
-def _counts(outcomes: Counter[str]) -> Counts:
-    return Counts(outcomes["passed"], outcomes["failed"], outcomes["broken"])
+def _counts(trials: Iterable[tuple[str | None, int | None]]) -> Counts:
+    """Counts trials by their outcome; those with a verdict have keys."""
+    each = list(trials)
+    judged = [(outcome == "passed", key) for outcome, key in each if outcome in ("passed", "failed")]
+    return Counts.of(judged, sum(outcome == "broken" for outcome, _ in each))
 
 
 def _worst_first(shares: Iterable[Share]) -> list[Share]:

@@ -1,8 +1,8 @@
 """Table of a run's results, `results.parquet` in its folder: a row per trial; a job without trials has one row."""
 
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import cached_property
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
-from ...schemas.reports.run_record import JobRecord
-from ...schemas.reports.run_states import case_outcome
+from ...schemas.reports.run_record import JobRecord, case_outcome
 from ...schemas.runs.axes import value_text
 from ...schemas.runs.axis_kinds.kind import Value
 from ...schemas.runs.plan import Requirement
@@ -211,6 +210,19 @@ class ResultTable:
         rows = self._jobs.get((job.step or "", job.label), slice(0, 0))
         return range(rows.start, rows.stop)
 
+    def without(self, jobs: Collection[JobRecord]) -> "ResultTable":
+        """Returns the table without the rows of some jobs."""
+        if not jobs:
+            return self
+        import pyarrow as pa
+
+        is_kept = np.ones(len(self), dtype=bool)
+        for job in jobs:
+            rows = self.rows_of(job)
+            is_kept[rows.start : rows.stop] = False
+        places = pa.array(np.flatnonzero(is_kept))
+        return ResultTable(self._all_names, len(places), cache(lambda name: self._column(name).take(places)))
+
     def states_of(self, jobs: Iterable[JobRecord], digests: Mapping[str, str]) -> list[str | None]:
         """Returns the digest of all states of each row; `None` if it is in neither the table nor `digests`.
 
@@ -249,6 +261,11 @@ class ResultTable:
     def requirements_at(self, row: int) -> list[Requirement]:
         """Returns all requirements of one trial, with their limits and units."""
         return _REQUIREMENTS.validate_json(self._column("requirements")[row].as_py() or "[]")
+
+    def axes_at(self, row: int) -> dict[str, Value]:
+        """Returns the values of the axes of one trial by name; axes that it does not have are left out."""
+        values = ((name, self._column(f"axis.{name}")[row].as_py()) for name in self.axes)
+        return {name: value for name, value in values if value is not None}
 
     def _names(self, prefix: str) -> Iterator[str]:
         return (name.removeprefix(prefix) for name in self._all_names if name.startswith(prefix))

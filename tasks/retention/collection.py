@@ -1,9 +1,9 @@
 """Deletes unneeded runs, jobs and worlds: selects them, measures their size, and deletes them, or only reports."""
 
 import fcntl
-from collections.abc import Callable, Iterator, Mapping, Set
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from pydantic import ValidationError
 
@@ -42,6 +42,7 @@ from .removal import (
     spared_jobs,
     thin_unit,
 )
+from .stored_specifications import Named, StoredSpecification, named_in, stored_orders
 
 
 @dataclass(frozen=True)
@@ -56,44 +57,63 @@ class _Chosen:
     worlds: list[Resource]
     """Worlds that a garbage collection deletes."""
     notes: list[str]
+    deployed: Named
+    """Everything that the specifications of deployments name."""
+    held_worlds: list[Resource] = field(default_factory=list[Resource])
+    """Worlds that go but for such a specification."""
 
 
-def plan_collection(policy: RetentionPolicy, service: Service) -> GcReport:
+def plan_collection(
+    policy: RetentionPolicy, service: Service, deployed: Sequence[StoredSpecification | str] = ()
+) -> GcReport:
     """Returns a report of what `robomaker gc` would delete under a policy; deletes nothing.
+
+    Args:
+        policy: The rules.
+        service: The service, with its catalog and object store.
+        deployed: Specifications of deployments, which keep what they name; a text says why they are not known.
 
     Raises:
         ConfigurationError: The policy would remove everything.
     """
-    return _collect(policy, service, act=False)
+    return _collect(policy, service, deployed, act=False)
 
 
-def collect(policy: RetentionPolicy, service: Service) -> GcReport:
+def collect(policy: RetentionPolicy, service: Service, deployed: Sequence[StoredSpecification | str] = ()) -> GcReport:
     """Deletes runs, jobs and worlds that no rule of the policy keeps, and returns a report, which has the errors.
+
+    Args:
+        policy: The rules.
+        service: The service, with its catalog and object store.
+        deployed: Specifications of deployments, which keep what they name; a text says why they are not known.
 
     Raises:
         ConfigurationError: The policy would remove everything, or another collection is going on.
     """
     with _alone(service):
-        return _collect(policy, service, act=True)
+        return _collect(policy, service, deployed, act=True)
 
 
-def _collect(policy: RetentionPolicy, service: Service, *, act: bool) -> GcReport:
+def _collect(
+    policy: RetentionPolicy, service: Service, deployed: Sequence[StoredSpecification | str], *, act: bool
+) -> GcReport:
     policy.check()
-    chosen = _choose(policy, service)
+    chosen = _choose(policy, service, deployed)
     units = sorted(chosen.units, key=lambda unit: (unit.candidate.ended_at, unit.candidate.id))
     counted: set[str] = set()
     items = [_item(unit, policy, chosen, service, counted, act=act) for unit in units]
     items += [_world_item(world, service, act=act) for world in chosen.worlds]
+    items += [_held_item(world, chosen.holders[world.arn]) for world in chosen.held_worlds]
     if policy.older_than is not None:
         with_worlds = {bundle.last_part for world in chosen.worlds if (bundle := WorldDocument.of(world).bundle)}
         items += collect_copies(policy.older_than, with_worlds, service, act=act)
     items += collect_archives(
         policy.older_than, frozenset[str]() if act else _removed(policy, chosen), service, act=act
     )
-    if policy.orphaned_recordings and policy.older_than is not None:
+    if policy.orphaned_recordings and policy.older_than is not None and not chosen.deployed.unreadable:
         ends = {unit.candidate.id for unit in _gone(policy, chosen)} | _removed(policy, chosen)
         gone = frozenset[str]() if act else ends  # what could not be removed still names its own
-        items += collect_recordings(policy.older_than, gone, service, act=act)
+        items += collect_recordings(policy.older_than, gone, service, chosen.deployed.texts, act=act)
     notes = list(chosen.notes)
     for part in parts_of_wings("tasks", "retention"):
         more, told = part.collect(policy, service, act=act)
@@ -101,35 +121,61 @@ def _collect(policy: RetentionPolicy, service: Service, *, act: bool) -> GcRepor
     return GcReport(dry_run=not act, policy=policy, items=items, notes=notes)
 
 
-def _choose(policy: RetentionPolicy, service: Service) -> _Chosen:
+def _choose(policy: RetentionPolicy, service: Service, deployed: Sequence[StoredSpecification | str]) -> _Chosen:
     runs, notes = find_runs(service), list[str]()
     units = list(runs)
+    names = named_in(deployed, service)
+    of_runs = named_in(stored_orders(service, _ended_runs(runs, policy, service)), service)
+    stored = {**of_runs.holders, **names.holders}
     # A run whose record cannot be read may name anything.
     readable = all(run.record is not None or run.state != "unknown" for run in runs)
     if not readable and (policy.sdk_jobs or policy.orphaned_worlds or policy.imported_worlds):
         notes.append("a run's record cannot be read, so jobs of SDKs and worlds are left: it may name them")
+    notes += _why_left(policy, names, of_runs)
+    readable = readable and not (names.unreadable or of_runs.unreadable)
     if policy.sdk_jobs and readable:
         units += [_judged(unit, policy, service) for unit in find_orders(service, runs)]
     required = dict[str, str]()
+    names_it = {arn: f"{holder} names it" for arn, holder in stored.items()}
     for part in parts_of_wings("tasks", "retention"):
         required |= with_jobs_of(part.needed_orders(service), service)
-    needed = {arn: f"{deployment} requires it" for arn, deployment in required.items()}
+    needed = names_it | {arn: f"{deployment} requires it" for arn, deployment in required.items()}
     reasons = why_kept((unit.candidate for unit in units), policy, service.clock()) | needed
-    names = {unit.candidate.id: unit.names for unit in units}
+    in_units = {unit.candidate.id: unit.names for unit in units}
     # Jobs of runs that go on, or whose records cannot be read, are in no unit.
     takers = takers_over(service, {arn for unit in units for arn in unit.jobs})
-    holders = takers | named_by(names, reasons.keys()) | required
-    chosen = _Chosen(units, reasons, holders, [], notes)
+    holders = takers | named_by(in_units, reasons.keys()) | stored | required
+    chosen = _Chosen(units, reasons, holders, [], notes, names)
     if not readable:
         return chosen
     orphans = _orphans(policy, service, runs, chosen)
-    imported = [world for world in orphans if is_imported(world)]
+    imported = [world for world in orphans if is_imported(world) and world.arn not in stored]
     if imported and not policy.imported_worlds:
         notes.append(
-            f"imported worlds stay ({len(imported)}), as specifications may name them; --imported-worlds removes them"
+            f"imported worlds stay ({len(imported)}), as no seed makes them again; --imported-worlds removes them"
         )
     asked = {True: policy.imported_worlds, False: policy.orphaned_worlds}
-    return replace(chosen, worlds=[world for world in orphans if asked[is_imported(world)]])
+    worlds = [world for world in orphans if asked[is_imported(world)]]
+    return replace(
+        chosen,
+        worlds=[world for world in worlds if world.arn not in stored],
+        held_worlds=[world for world in worlds if world.arn in stored],
+    )
+
+
+def _ended_runs(runs: list[Unit], policy: RetentionPolicy, service: Service) -> set[str]:
+    """Returns the ids of the runs that no rule keeps: the orders of those that never ended go with them."""
+    kept = why_kept((run.candidate for run in runs), policy, service.clock()).keys()
+    return {run.candidate.id for run in runs} - kept
+
+
+def _why_left(policy: RetentionPolicy, deployed: Named, of_runs: Named) -> list[str]:
+    """Says which specifications are not known, so that what they may name stays; empty if that never goes."""
+    if not (policy.sdk_jobs or policy.orphaned_worlds or policy.imported_worlds or policy.orphaned_recordings):
+        return []
+    left = "so jobs of SDKs, worlds and recordings are left: it may name them"
+    told = [f"{why}, {left}" for why in deployed.unreadable]
+    return [*told, *(f"{why}, so jobs of SDKs and worlds are left: it may name them" for why in of_runs.unreadable)]
 
 
 def _thins(unit: Unit, policy: RetentionPolicy) -> bool:
@@ -225,6 +271,10 @@ def _world_item(world: Resource, service: Service, *, act: bool) -> GcItem:
     )
     about = GcItem(kind="world", id=world.arn, ended_at=world.created_at, action="remove", problem=problem)
     return about.model_copy(update=_sizes(amount))
+
+
+def _held_item(world: Resource, holder: str) -> GcItem:
+    return GcItem(kind="world", id=world.arn, ended_at=world.created_at, action="keep", reason=f"{holder} names it")
 
 
 def _sizes(amount: Amount) -> dict[str, int]:

@@ -14,6 +14,7 @@ from ...schemas.documents.simulation_jobs import ReusedFrom, SimulationJobDocume
 from ...schemas.lifecycles import is_terminal
 from ...schemas.reports.names import began
 from ...schemas.reports.run_record import RunRecord
+from ...schemas.reports.run_states import shown_state
 from ..catalog import Resource
 from ..service.service import Service
 from .policy import Candidate
@@ -52,7 +53,14 @@ class Unit:
         # A job that took over results has none of its own.
         origins = {origin.job for job in self.jobs.values() if (origin := _origin(job))}
         steps = self.record.steps if self.record else []
-        return worlds | origins | {*self.orders, *self.jobs} | {arn for step in steps for arn in worlds_in(step.output)}
+        found = set(self.record.worlds.values()) if self.record else set[str]()
+        return (
+            worlds
+            | found
+            | origins
+            | {*self.orders, *self.jobs}
+            | {arn for step in steps for arn in worlds_in(step.output)}
+        )
 
 
 def find_runs(service: Service) -> list[Unit]:
@@ -109,7 +117,7 @@ def texts_of_jobs(service: Service, besides: Set[str]) -> set[str]:
         besides: ARNs of those that do not count.
     """
     named = (job for job in _all(service, (JOB, BATCH)) if job.arn not in besides)
-    return {text for job in named for text in _texts_in(_content(job))}
+    return {text for job in named for text in texts_in(_content(job))}
 
 
 def takers_over(service: Service, besides: Set[str]) -> dict[str, str]:
@@ -147,15 +155,16 @@ def _is_since(resource: Resource, since: datetime | None) -> bool:
 
 def worlds_in(document: Any) -> set[str]:
     """Returns the ARNs of worlds that occur anywhere in a JSON document."""
-    return {world for text in _texts_in(document) for world in _WORLD.findall(text)}
+    return {world for text in texts_in(document) for world in _WORLD.findall(text)}
 
 
-def _texts_in(document: Any) -> Iterator[str]:
+def texts_in(document: Any) -> Iterator[str]:
+    """Yields all texts that occur anywhere in a JSON document, without keys."""
     if isinstance(document, str):
         yield document
     parts = document.values() if isinstance(document, dict) else document if isinstance(document, list) else ()
     for part in parts:
-        yield from _texts_in(part)
+        yield from texts_in(part)
 
 
 def why_busy(jobs: Mapping[str, Resource], service: Service) -> str:
@@ -172,7 +181,7 @@ def why_busy(jobs: Mapping[str, Resource], service: Service) -> str:
 def _run(folder: Path, service: Service) -> Unit:
     begun = not (folder / RECORD).exists() and (folder / REMOVING).exists()
     try:
-        record = RunRecord.model_validate_json((folder / (REMOVING if begun else RECORD)).read_bytes())
+        record = RunRecord.stored_in(folder, (folder / (REMOVING if begun else RECORD)).read_bytes())
     except FileNotFoundError:
         return _unrecorded(folder, service)
     except (ValidationError, OSError) as error:
@@ -189,7 +198,7 @@ def _run(folder: Path, service: Service) -> Unit:
         busy=why_busy(jobs, service),
         begun=begun,
     )
-    return Unit(candidate, record.state, folder, record, orders, jobs)
+    return Unit(candidate, shown_state(record), folder, record, orders, jobs)
 
 
 def _unrecorded(folder: Path, service: Service) -> Unit:

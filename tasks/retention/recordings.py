@@ -20,13 +20,16 @@ _KEY = re.compile(rf"{FOLDER}/[^\s\"'\\,\]}}]*")
 """Pattern of a recording's object-store key (or its beginning) in a specification, which is YAML or JSON."""
 
 
-def collect_recordings(older_than: timedelta, besides: Set[str], service: Service, *, act: bool) -> list[GcItem]:
+def collect_recordings(
+    older_than: timedelta, besides: Set[str], service: Service, deployed: Set[str] = frozenset(), *, act: bool
+) -> list[GcItem]:
     """Deletes stored recordings that no job and no open run names, once all of their objects are old enough.
 
     Args:
         older_than: The time; less than two days count as these.
         besides: ARNs of jobs, and ids of runs, that do not count, since they go.
         service: The service, with its catalog and object store.
+        deployed: Texts of the specifications of deployments, whose runs begin later.
         act: Whether they are removed; otherwise it is only said what would be.
 
     Returns:
@@ -40,7 +43,7 @@ def collect_recordings(older_than: timedelta, besides: Set[str], service: Servic
             continue
         if named is None:
             named = {text for text in texts_of_jobs(service, besides) if text.startswith(FOLDER)}
-            named |= _ordered(service, besides)
+            named |= _ordered(service, besides) | {key for text in deployed for key in _KEY.findall(text)}
         # A data source names a file of a recording, its folder, or the beginning of that.
         if not any(folder.startswith(text) or text.startswith(folder) for text in named):
             items.append(_collected(folder, objects, service, act=act))

@@ -28,6 +28,7 @@ from .service import Service
 
 WORLD: Kind = "world"
 JOB: Kind = "simulation-job"
+_GENERATION_JOB: Kind = "world-generation-job"
 _KINDS_IN_IDS: Mapping[str, tuple[str, ...]] = {
     WORLD: ("generation", "import", "variation"),
     JOB: ("sim",),
@@ -41,6 +42,8 @@ _MOST = 12
 """Largest number of candidates that are looked for: a message names five of them."""
 _LOOKED_AT = 200
 """Number of newest resources whose names are compared with a text that no label fits."""
+_GIVEN_NAMES = ("import-", "variation-")
+"""Beginnings of the ids of worlds to which people give names."""
 _LATEST = "latest"
 
 
@@ -144,10 +147,25 @@ def find_by_id(wanted: str, kinds: Sequence[Kind], service: Service, besides: st
     found = [each for kind in kinds for each in _by_arn_or_id(wanted, kind, service)]
     words = " or ".join(kind.replace("-", " ") for kind in kinds)
     if not found:
-        raise ConfigurationError(f"{wanted!r} is neither ARN nor id of a {words}{besides}")
+        besides = besides or _job_of_world(wanted, kinds, service)
+        known = [
+            each.id for kind in kinds for each in service.catalog.list(kind, limit=_LOOKED_AT, members=()).resources
+        ]
+        raise ConfigurationError(f"{wanted!r} is neither ARN nor id of a {words}{besides}{near_names(wanted, known)}")
     if len(found) > 1:
         raise ConfigurationError(ambiguous(wanted, f"resources ({words})", [each.id for each in found]))
     return found[0]
+
+
+def _job_of_world(wanted: str, kinds: Sequence[Kind], service: Service) -> str:
+    """Returns the generation job of a world that a text means, where one is asked for, as words; empty: none."""
+    jobs = (
+        {each.id.partition("/")[0] for each in worlds_meant(wanted, service)}
+        if _GENERATION_JOB in kinds
+        else set[str]()
+    )
+    made = sorted(job for job in jobs if not job.startswith(_GIVEN_NAMES))
+    return f"; it is a world of {' or '.join(made[:3])}" if made else ""
 
 
 def worlds_meant(wanted: str, service: Service, *, with_equal: bool = False) -> list[Resource]:
@@ -196,12 +214,23 @@ def _one(wanted: str, kind: Kind, service: Service, found: list[Resource], besid
         raise ConfigurationError(ambiguous(wanted, _WORDS[kind], [_told(each, service) for each in found]) + in_run)
     if wanted.startswith("arn:"):
         raise ResourceNotFoundException(f"there is no resource {wanted}")
-    newest = service.catalog.list(kind, limit=_LOOKED_AT).resources
-    known = [name for each in newest for name in (name_of(each, service), each.id)]
-    known += _names_in_latest_run(service) if kind == JOB else []
+    known = _known_names(kind, service)
     raise ConfigurationError(
         f"{wanted!r} is neither ARN, id nor name of any of the {_WORDS[kind]}{besides}{near_names(wanted, known)}"
     )
+
+
+def _known_names(kind: Kind, service: Service) -> list[str]:
+    """Returns names and ids that a misspelt one may be meant for: those of the newest, and given ones of any age.
+
+    A generation job makes hundreds of worlds, behind which the one that somebody imported and named is not found.
+    """
+    found = list(service.catalog.list(kind, limit=_LOOKED_AT).resources)
+    given = _GIVEN_NAMES if kind == WORLD else ()
+    found += [each for beginning in given for each in service.catalog.with_ids(kind, beginning, limit=_LOOKED_AT)]
+    names = _names({each.arn: each for each in found}, service) if kind == WORLD else {}
+    known = [name for each in found for name in (names.get(each.arn) or name_of(each, service), each.id)]
+    return [*known, *(_names_in_latest_run(service) if kind == JOB else [])]
 
 
 def _told(resource: Resource, service: Service) -> str:
@@ -297,6 +326,6 @@ def _record_of(run: str, service: Service) -> RunRecord | None:
 
 def _read(path: Path) -> RunRecord | None:
     try:
-        return RunRecord.model_validate_json(path.read_bytes())
+        return RunRecord.stored_in(path.parent, path.read_bytes())
     except (ValidationError, OSError):
         return None

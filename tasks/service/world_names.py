@@ -1,4 +1,4 @@
-"""Worlds that a specification names as people do: their ARNs are put in place of the names before a run."""
+"""Worlds that a specification names as people do: their ARNs replace the names before a run."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -43,7 +43,7 @@ def with_world_arns(
     find_only: Callable[[str], str],
     tell: Callable[[str, str], None] = lambda _name, _arn: None,
 ) -> CheckedSpec:
-    """Returns a specification in which all worlds are named by their ARNs.
+    """Returns a specification in which all worlds are named by their ARNs; it records which name became which ARN.
 
     Args:
         spec: The specification; one that names no world otherwise is returned as it is.
@@ -71,14 +71,33 @@ def with_world_arns(
         raise SpecError(problems, spec.notes)
     for name, arn in dict.fromkeys((name, arn) for (name, _), arn in arns.items()):
         tell(name, arn)
-    steps = {name: _with_arns(step, arns) if step.worlds else step for name, step in spec.steps.items()}
-    return replace(spec, steps=steps) if arns else spec
+    return _with_arns(spec, arns)
 
 
-def _with_arns(step: CheckedStep, arns: Mapping[tuple[str, bool], str]) -> CheckedStep:
+def with_known_worlds(spec: CheckedSpec, arns: Mapping[str, str]) -> CheckedSpec:
+    """Returns a specification with the worlds that were found before, so that a resumed run keeps its worlds.
+
+    Args:
+        spec: The specification; names that are not known stay.
+        arns: ARNs of the worlds by name, from the run's record.
+    """
+    return _with_arns(spec, {(name, is_changed): arn for name, arn in arns.items() for is_changed in (False, True)})
+
+
+def _with_arns(spec: CheckedSpec, arns: Mapping[tuple[str, bool], str]) -> CheckedSpec:
+    if not arns:
+        return spec
+    steps = {name: _step_with_arns(step, arns) if step.worlds else step for name, step in spec.steps.items()}
+    # What changes worlds finds the same one or is refused, so that a name has one ARN.
+    found = {name: arn for (name, _), arn in arns.items()}
+    return replace(spec, steps=steps, found_worlds={**spec.found_worlds, **found})
+
+
+def _step_with_arns(step: CheckedStep, arns: Mapping[tuple[str, bool], str]) -> CheckedStep:
     is_changed = step.operation.startswith(CHANGES)
-    texts = {each.location: arns[each.name, is_changed] for each in step.worlds}
-    return replace(step, input=_replaced(step.input, (), texts), worlds=())
+    texts = {each.location: arns[key] for each in step.worlds if (key := (each.name, is_changed)) in arns}
+    unknown = tuple(each for each in step.worlds if each.location not in texts)
+    return replace(step, input=_replaced(step.input, (), texts), worlds=unknown)
 
 
 def _replaced(node: Node, location: Location, texts: Mapping[Location, str]) -> Node:

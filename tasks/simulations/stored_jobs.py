@@ -9,19 +9,22 @@ from pydantic import ValidationError
 from ...schemas.documents.applications import ApplicationDocument
 from ...schemas.documents.reuse_inputs import REUSE_LABEL, ReuseInputs
 from ...schemas.documents.simulation_jobs import MadeOf, ReusedFrom, SimulationJobDocument
+from ...schemas.documents.worlds import StoredPlace
 from ...schemas.operations.registry import seed_of, video_of
 from ...schemas.operations.simulation_jobs import SimulationJobRequestMembers
 from ...schemas.reports.names import name_label
 from ...schemas.runs.plan import ApplicationRole, RunResult
 from ...schemas.runs.policies import policy_in
-from ...schemas.runs.provenance import PROVENANCE_FILE, Provenance
+from ...schemas.runs.provenance import PROVENANCE_FILE, Manifest, Provenance
 from ...schemas.runs.requirements import requirements_of
 from ...schemas.runs.trials import trials_of
+from ...schemas.wire.common import counted
 from ...schemas.wire.errors import InvalidParameterException, StorageError
 from ..catalog import ClientToken, Resource
 from ..service.references import name_of_job, name_of_world
 from ..service.service import Service
 from ..storage import read_manifest, removed_before
+from ..storage.object_store import join_key
 from .inputs.bundles import check_rooms
 from .inputs.data_sources import resolve_data_sources
 from .outputs.output_places import check_output_location
@@ -111,6 +114,9 @@ def _why_not_outputs(document: SimulationJobDocument, service: Service) -> str |
             return "has outputs of which a part was left out"
         if removed := removed_before(manifest)[0]:
             return f"has outputs of which {removed} files were removed to free space"
+        if gone := _gone_files(manifest, place, service):
+            more = f" and {counted(len(gone) - 1, 'other file')} are" if gone[1:] else " is"
+            return f"has outputs of which {gone[0]}{more} gone from the object store"
         stored = service.store.get_bytes(place.bucket, f"{place.prefix}/{_RESULT_FILE}")
         result = RunResult.model_validate_json(stored)
         stored = service.store.get_bytes(place.bucket, f"{place.prefix}/{PROVENANCE_FILE}")
@@ -122,6 +128,13 @@ def _why_not_outputs(document: SimulationJobDocument, service: Service) -> str |
     if result.verdict == "ERROR":
         return "could not be judged (verdict ERROR)"
     return f"was ended by {result.ended_by}" if result.ended_by in _CUT_SHORT else None
+
+
+def _gone_files(manifest: Manifest, place: StoredPlace, service: Service) -> list[str]:
+    """Returns the paths of published files that are not stored any more, or were stored only in part."""
+    prefix = join_key(place.prefix, "")
+    there = {file.key.removeprefix(prefix): file.size_bytes for file in service.store.list(place.bucket, prefix)}
+    return [file.path for file in manifest.files if there.get(file.path) != file.size_bytes]
 
 
 KIND = "simulation-job"

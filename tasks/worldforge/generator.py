@@ -241,8 +241,18 @@ def _door_index(passages: Sequence[Passage], name: str) -> int:
     if len(between) > 1:
         raise ConfigurationError(f"{name}: {len(between)} doors; name one of {', '.join(names)}")
     if not between:
-        raise ConfigurationError(f"the world has no door {name!r}{_instead(name, names)}")
+        raise ConfigurationError(f"the world has no door {name!r}{_doorless(passages, name) or _instead(name, names)}")
     return between[0]
+
+
+def _doorless(passages: Sequence[Passage], name: str) -> str:
+    """Returns why two rooms that a name joins have no door between them; empty: nothing joins them."""
+    kinds = [each.kind for each in passages if name in ("/".join(each.rooms), "/".join(each.rooms[::-1]))]
+    if not kinds:
+        return ""
+    if "Doorway" in kinds:
+        return "; its doorway has none; doorways of worlds whose template has version 2 have doors"
+    return "; an opening joins its rooms, which has none; a template's ConnectionType Doorway, in version 2, makes one"
 
 
 def _with_moved(world: World, name: str, move: Move) -> tuple[World, list[Change]]:

@@ -58,7 +58,14 @@ def keep_world(
 
 
 def keep_variation(
-    bundle: Path, wanted: "Wanted", arn: str | None, service: Service, *, origin: str | None = None
+    bundle: Path,
+    wanted: "Wanted",
+    arn: str | None,
+    service: Service,
+    *,
+    origin: str | None = None,
+    name: str | None = None,
+    tell: Callable[[Resource], None] = lambda _world: None,
 ) -> Resource:
     """Makes a variation of a world, and stores it, even if it breaks guarantees.
 
@@ -68,9 +75,12 @@ def keep_variation(
         arn: ARN of the original world.
         service: The service, with its catalog and object store.
         origin: Identifier of the world's inputs, by which it is found again.
+        name: Name for people, from `given_world_name`; absent: the world is called by its id.
+        tell: Called with the world that has the same name and files already; then it is returned, and none is added.
 
     Raises:
-        ConfigurationError: The world has no such door or furnishing, or the variation equals the world.
+        ConfigurationError: The world has no such door or furnishing, the variation equals the world, or another world
+            has the name.
         StorageError: The files cannot be stored.
     """
     world = read_world(bundle)
@@ -80,10 +90,11 @@ def keep_variation(
         def write(folder: Path) -> None:
             vary_imported(bundle, wanted, arn, folder)
 
-        return keep_bundle(write, "variation", {}, service, origin=origin)
+        return keep_bundle(write, "variation", {}, service, origin=origin, name=name, tell=tell)
     from ..worldforge.generator import vary
 
-    return keep_world(vary(world, wanted, content_hash(bundle), arn), "variation", {}, service, origin=origin)
+    made = vary(world, wanted, content_hash(bundle), arn)
+    return keep_world(made, "variation", {}, service, origin=origin, name=name, tell=tell)
 
 
 def keep_bundle(

@@ -116,7 +116,7 @@ def test_deployments_run_on_a_process_worker(
     assert re.search(r"InvalidParameterException: .*Bildings", log)
     assert tracebacks(log) == []
     assert pipeline.type.value == "COMPLETED", f"{pipeline.message}\n{log}"
-    assert pipeline.message.startswith("succeeded: 1 of 1 verdicts pass")
+    assert pipeline.message.startswith("passed: 1 of 1 job passed")
     assert list((tmp_path / "store").rglob("recording.mcap")), "the worker set what the block says"
     the_catalog_has_what_the_runs_made(settings)
     the_pipeline_shows_artifacts(runs[1])
@@ -191,7 +191,7 @@ def the_pipeline_shows_artifacts(run: UUID) -> None:
     shown: dict[str | None, Any] = {
         artifact.type: artifact.data for artifact in found if artifact.flow_run_id == run and artifact.key
     }
-    assert "# tiny: succeeded" in shown["markdown"]
+    assert "# tiny: passed" in shown["markdown"]
     (row,) = json.loads(shown["table"])
     assert (row["status"], row["verdict"]) == ("Completed", "PASS")
     assert shown["image"].startswith("data:image/png;base64,")

@@ -31,10 +31,15 @@ def ends_of(service: Service, *others: FlowRun) -> RecordedEnds:
 
 
 @pytest.mark.parametrize(
-    ("state", "end"), [("succeeded", "Completed"), ("broken", "Failed"), ("canceled", "Cancelled")]
+    ("state", "word", "end"),
+    [
+        ("succeeded", "passed", "Completed"),
+        ("broken", "broken", "Failed"),
+        ("canceled", "canceled", "Cancelled"),
+    ],
 )
 def test_the_flow_run_that_wrote_a_record_ended_as_that_says_and_one_before_it_did_not(
-    service: Service, state: Any, end: str
+    service: Service, state: Any, word: str, end: str
 ) -> None:
     wrote, died_before = flow_run(state=SEEN_TO_DIE), flow_run()
     record = make_night("PPP", runs=service.settings.home / "runs")
@@ -43,7 +48,7 @@ def test_the_flow_run_that_wrote_a_record_ended_as_that_says_and_one_before_it_d
 
     told = ends.end_of(wrote)
     assert told is not None
-    assert (told.name, (told.message or "").partition(":")[0]) == (end, state)
+    assert (told.name, (told.message or "").partition(":")[0]) == (end, word)
     assert ends.end_of(died_before) is None
 
 

@@ -49,7 +49,7 @@ def environ(tmp_path: Path) -> Iterator[dict[str, str]]:
     (tmp_path / "user").mkdir()
     provide_tables(server_folder(Settings.from_environment({"ROBOMAKER_HOME": str(home)})))
     yield made
-    shell("robomaker server stop", made, tmp_path)
+    shell("robomaker server stop --force", made, tmp_path)
 
 
 def documented() -> tuple[str, list[str], str]:

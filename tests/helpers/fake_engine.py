@@ -83,10 +83,11 @@ def start(name):
 
 def remove(name):
     pid = known(name)["pid"]
+    # First the file: `start` notes the end of a killed program if it is there, and would make it anew.
+    (CONTAINERS / name).unlink(missing_ok=True)
     with suppress(ProcessLookupError):
         if pid is not None:
             os.killpg(pid, signal.SIGKILL)
-    (CONTAINERS / name).unlink(missing_ok=True)
 
 
 def need_daemon():

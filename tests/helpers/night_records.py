@@ -42,6 +42,7 @@ def make_job(
     seed: int | None = 7,
     metrics: Mapping[str, float] | None = None,
     limit: float = 5.0,
+    trials: str | None = None,
 ) -> JobRecord:
     """A job; `world` None: without one, empty: one of its own."""
     content = None if world is None else digest(world or f"world {index}")
@@ -65,6 +66,7 @@ def make_job(
             applications=[UsedApplication(role="robot", name="scout", digest=digest(robot))],
             requirements_sha256=digest(f"limit {limit}"),
             request_sha256=digest(request or "request"),
+            trials_and_data_sha256=digest(trials) if trials else None,
         ),
         requirements=requirements if letter in "PF" else [],
         metrics=dict(metrics or {}) if letter in "PFN" else {},

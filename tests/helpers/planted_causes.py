@@ -203,7 +203,7 @@ def trials_where(region: str, table: ResultTable) -> NDArray[np.bool_]:
         name, sign, limit = part.split(" ", 2)
         values = np.array(table.values(name))
         if sign == "=":
-            mask &= values.astype(str) == limit
+            mask &= np.isclose(values, float(limit)) if values.dtype.kind in "fi" else values.astype(str) == limit
         else:
             mask &= values >= float(limit) if sign == "≥" else values < float(limit)
     return mask

@@ -39,7 +39,7 @@ def stable(line: str) -> str:
 
     How many jobs have still ended, after those that decided, depends on the machine.
     """
-    line = re.sub(r"\d+ of \d+ verdicts pass, \d+ canceled|\d+ trials saved", "…", line)
+    line = re.sub(r"\d+ of \d+ jobs passed \(.*?\), \d+ canceled|\d+ trials saved", "…", line)
     return re.sub(r"(sim|courier)-[0-9a-zT]{12,}|after .*? s$|/\S+/(?=fault_found)", "…", line).strip()
 
 

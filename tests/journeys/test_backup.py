@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.night_records import make_night, store_night
 from helpers.paths import REPOSITORY
 from helpers.postgres_server import NEEDS_POSTGRESQL, PROGRAMS, PostgresServer
 
@@ -19,12 +20,13 @@ from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 
 PAGE = (REPOSITORY / "docs" / "backup.md").read_text()
+BLOCKS = re.findall(r"^```sh\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
 
 
-def shell(script: str, home: Path, backup: Path) -> str:
+def shell(script: str, home: Path, backup: Path, **variables: str) -> str:
     """Runs a block of the page; returns what it printed."""
     environ = {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}", "HOME": str(home.parent)}
-    environ |= {"ROBOMAKER_HOME": str(home), "BACKUP": str(backup)}
+    environ |= {"ROBOMAKER_HOME": str(home), "BACKUP": str(backup)} | variables
     done = subprocess.run(["sh", "-eu", "-c", script], env=environ, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
@@ -53,7 +55,7 @@ def test_what_was_copied_is_whole_in_another_home(
     [world] = generate()["finishedWorldsSummary"]["succeededWorlds"]
     job = simulate(order())["arn"]
     home, backup = service.settings.home, tmp_path / "backup"
-    back_up, restore = re.findall(r"^```sh\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+    back_up, restore, _ = BLOCKS
 
     shell(back_up, home, backup)
     assert backup.stat().st_mode & 0o077 == 0, "it has the keys of robots"
@@ -67,6 +69,23 @@ def test_what_was_copied_is_whole_in_another_home(
     assert arns == {world, job, running}
     assert later not in arns
     assert registry()["CreateSimulationJob"].perform(running, restored)["status"] == "Completed"
+
+
+@pytest.mark.deep
+@pytest.mark.usefixtures("known_worlds")
+def test_a_moved_home_goes_on_at_its_new_place_and_leaves_nothing_at_the_old_one(
+    service: Service, simulate: Callable[..., dict[str, Any]], order: Callable[..., dict[str, Any]], tmp_path: Path
+) -> None:
+    simulate(order())
+    home, moved = service.settings.home, tmp_path / "moved"
+    folder = store_night(make_night("PF", runs=home / "runs"))
+
+    told = shell(BLOCKS[2], home, tmp_path / "backup", NEW_HOME=str(moved))
+    report = shell(f"robomaker report {folder.name}", moved, tmp_path / "backup")
+
+    assert told.splitlines()[-1] == "Catalog and object store agree."
+    assert str(moved / "runs" / folder.name / "report.html") in report
+    assert not home.exists()
 
 
 @NEEDS_POSTGRESQL

@@ -29,7 +29,6 @@ from prefect_robomaker.tasks.worlds.keeping import keep_world
 pytestmark = [pytest.mark.deep, *NEEDS_ROS_1]
 
 PAGE = REPOSITORY / "docs" / "ros1.md"
-_HOME = "~/.local/share/robomaker"
 
 
 def files_of_page() -> dict[str, str]:
@@ -58,6 +57,7 @@ def test_the_robot_of_the_page_turns_scout_in_a_generated_flat(
     for name, text in files_of_page().items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
+    monkeypatch.setenv("ROBOMAKER_HOME", str(home))
     monkeypatch.setenv("PYTHONPATH", str(ros1_messages))  # which Debian has as packages
     monkeypatch.chdir(tmp_path)
     ended = None
@@ -65,7 +65,7 @@ def test_the_robot_of_the_page_turns_scout_in_a_generated_flat(
         if command.startswith("robomaker "):
             ended = robomaker_at_server(*command.split()[1:], "-o", "json")
         else:
-            subprocess.run(["bash", "-c", command.replace(_HOME, str(home))], check=True, cwd=tmp_path)
+            subprocess.run(["bash", "-c", command], check=True, cwd=tmp_path)
     assert ended is not None
     record = RunRecord.model_validate_json(ended.out)
     (job,) = record.jobs

@@ -40,7 +40,6 @@ from prefect_robomaker.tasks.worlds.keeping import keep_world
 pytestmark = [pytest.mark.deep, pytest.mark.timeout(900)]
 
 PAGE = REPOSITORY / "docs" / "ros2.md"
-_HOME = "~/.local/share/robomaker"
 SUITE = {"name": "ROS2", "version": "Foxy"}
 
 
@@ -48,9 +47,13 @@ def files_of_page() -> dict[str, str]:
     return dict(re.findall(r"<!-- file: (\S+) -->\n```\w+\n(.*?)```", PAGE.read_text(), re.S))
 
 
-def commands_of_page() -> list[str]:
-    blocks = re.findall(r"<!-- run -->\n```console\n(.*?)```", PAGE.read_text(), re.S)
+def commands_of_page(mark: str = "run") -> list[str]:
+    blocks = re.findall(rf"<!-- {mark} -->\n```console\n(.*?)```", PAGE.read_text(), re.S)
     return [line.removeprefix("$ ") for block in blocks for line in block.splitlines()]
+
+
+def in_shell(command: str, home: Path, folder: Path) -> None:
+    subprocess.run(["bash", "-c", command], check=True, cwd=folder, env={**os.environ, "ROBOMAKER_HOME": str(home)})
 
 
 def write_files_of_page(folder: Path, python: Path) -> None:
@@ -73,7 +76,7 @@ def test_a_node_drives_by_a_specification_and_is_repeated_to_the_bit(
             assert ended.code == 0, ended.err
             records.append(RunRecord.model_validate_json(ended.out))
         else:
-            subprocess.run(["bash", "-c", command.replace(_HOME, str(home))], check=True, cwd=tmp_path)
+            in_shell(command, home, tmp_path)
     folders = []
     for record in records:
         (job,) = record.jobs
@@ -93,6 +96,21 @@ def test_a_node_drives_by_a_specification_and_is_repeated_to_the_bit(
     assert list((home / "runs").glob("*/report.html"))
 
 
+def test_a_node_without_ros_drives_as_the_page_says(
+    robomaker_at_server, home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_files_of_page(tmp_path, Path("python3"))
+    monkeypatch.chdir(tmp_path)
+    *before, run = commands_of_page("run without ROS")
+    for command in before:
+        in_shell(command, home, tmp_path)
+    ended = robomaker_at_server(*run.split()[1:], "-o", "json")
+    assert ended.code == 0, ended.err
+    (job,) = RunRecord.model_validate_json(ended.out).jobs
+    assert (job.status, job.verdict, job.runs_free) == ("Completed", "PASS", False)
+    assert job.remarks == []
+
+
 @pytest.mark.endurance  # what is sabotaged is the simulation, whoever drives: test_challenge.py has it with a program
 def test_a_node_is_sabotaged_on_the_simulations_side_of_the_bridge(
     robomaker_at_server, home: Path, tmp_path: Path, rclpy: Path, monkeypatch: pytest.MonkeyPatch
@@ -102,7 +120,7 @@ def test_a_node_is_sabotaged_on_the_simulations_side_of_the_bridge(
     monkeypatch.chdir(tmp_path)
     for command in commands_of_page():
         if not command.startswith("robomaker "):
-            subprocess.run(["bash", "-c", command.replace(_HOME, str(home))], check=True, cwd=tmp_path)
+            in_shell(command, home, tmp_path)
     challenged = robomaker_at_server("challenge", "drive.yaml", "--jobs", "1")
     lines = {line.split("  ")[1]: line for line in challenged.out.splitlines() if line.startswith("  ")}
     assert "caught by the only job" in lines["idle"], challenged.out + challenged.err
@@ -232,7 +250,7 @@ ENDS = {
     ),
     "silence": (
         "rclpy.spin(node)", {}, "RobotApplicationHealthCheckFailure",
-        "sent no command on /cmd_vel in 9.95 s of simulated time; topics that they listen to: /clock",
+        "publishes geometry_msgs/Twist or TwistStamped on /cmd_vel; the nodes listen to /clock",
     ),
     "a death": (
         TURNS.replace("def turn():", "def turn():\n    if node.get_clock().now().nanoseconds > 3e9: os._exit(3)"), {},

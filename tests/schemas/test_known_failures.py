@@ -127,6 +127,18 @@ def test_what_is_no_day_is_told_with_one_that_is(until: object) -> None:
         KnownFailure.model_validate({"match": {"requirement": "clearance"}, "owner": "anna", "until": until})
 
 
+def test_an_entry_whose_requirement_no_job_has_is_told_with_those_that_there_are() -> None:
+    there = [ReportedFailures(("scout",), (), ("polite", "to-bed"))]
+    assert idle_failures(there, [known("gentle")], DAY) == [
+        "the known failure of gentle in any job (anna) marks no failure: no job has a requirement `gentle`; there are "
+        "polite, to-bed"
+    ]
+    (mended,) = idle_failures(there, [known("pol*")], DAY)
+    assert "did not occur" in mended
+    (rare,) = idle_failures(there, [known("above_floor")], DAY)
+    assert "did not occur" in rare, "a job has it only where it missed it"
+
+
 def test_a_requirement_of_trials_is_not_said_to_be_mended_where_they_failed() -> None:
     """Trials had missed it, and the sentence asked to remove the entry."""
     (told,) = idle_failures([job("world-1 scout", ["trials"])], [known()], DAY)

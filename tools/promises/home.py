@@ -34,7 +34,7 @@ def record_home() -> None:
         (_PLACE / "venv").symlink_to(sys.prefix)  # programs have its folder on their path, which is recorded
         shutil.copy(SPECIFICATION, _PLACE)
         _run("run", SPECIFICATION.name, expected=1)  # one requirement is missed, so that there is one to read
-        _run("server", "stop", expected=0)
+        _run("server", "stop", "--force", expected=0)
         FOLDER.mkdir(parents=True, exist_ok=True)
         (_PLACE / _CATALOG).write_text("\n".join(_catalog_as_text(_PLACE / "catalog.db")) + "\n")
         _pack(_PLACE, HOME)

@@ -23,10 +23,11 @@ _END = """
 ## Remove everything
 
 `robomaker gc` removes old runs with their outputs, and `robomaker doctor` says what the home takes up. To remove
-everything, run `robomaker server stop`, then delete the home and the folder of the repository. What was stored
-elsewhere stays: in buckets of an S3 endpoint, in a PostgreSQL catalog, on a Prefect server of your own (`prefect
-deployment delete`), images that docker or podman pulled, units that `robomaker systemd install` wrote, the model of
-`robomaker sdk-model --install` (`--uninstall` removes it), and `~/.prefect`, which Prefect makes for itself.
+everything, run `robomaker server stop`, which refuses while runs, Prefect workers or `robomaker serve` use the server,
+then delete the home and the folder of the repository. What was stored elsewhere stays: in buckets of an S3 endpoint, in
+a PostgreSQL catalog, on a Prefect server of your own (`prefect deployment delete`), images that docker or podman
+pulled, units that `robomaker systemd install` wrote, the model of `robomaker sdk-model --install` (`--uninstall`
+removes it), and `~/.prefect`, which Prefect makes for itself.
 """
 COMPUTED: Mapping[str, str] = {
     "home": "`~/.local/share/robomaker`, or the platform's folder for data",

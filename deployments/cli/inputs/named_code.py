@@ -9,7 +9,7 @@ import re
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,14 +18,15 @@ from typing import Any, NamedTuple
 from ....schemas.runs.plan import ApplicationPlan, ApplicationRole
 from ....schemas.runs.policies import POLICY_VARIABLE, parse_policy
 from ....schemas.settings import Settings
-from ....schemas.specs.specification import CheckedSpec, CheckedStep, axes_of, made_list_of
+from ....schemas.specs.checking.written_requests import WrittenRequest, written_requests
+from ....schemas.specs.specification import CheckedSpec, CheckedStep
 from ....schemas.specs.yaml_nodes import (
-    ListNode,
     MappingNode,
     Node,
     ScalarNode,
     child,
     key_place,
+    node_at,
     parse,
     plain,
     value_place,
@@ -46,6 +47,12 @@ _AXIS = re.compile(r"\$\{\{\s*(\w+)\s*\}\}")
 _PYTHON = "python://"
 _MAKES_JOINTS = frozenset({"include", "attach", "replicate", "composite"})
 """Elements of MJCF that add joints which the file does not name."""
+_FINDS_BY_PACKAGE = "ros"
+"""Beginning of programs (`ros2`, `rosrun`, `roslaunch`) whose files are those of packages, wherever these are."""
+_INTERPRETERS = ("python", "bash", "sh")
+"""Beginnings of programs whose first argument is a script that has to be there."""
+_SCRIPTS = (".py", ".sh")
+_PATH = re.compile(r"[\w.][\w./+-]*")
 _MOST_BYTES = 64 << 20
 """Largest archive that is unpacked, in bytes; larger ones take seconds, and the job says what is wrong in them."""
 
@@ -57,13 +64,16 @@ class FoundCode(NamedTuple):
     notes: list[Problem]
 
 
-def check_code(spec: CheckedSpec, settings: Settings, environ: Mapping[str, str] = os.environ) -> FoundCode:
+def check_code(
+    spec: CheckedSpec, settings: Settings, environ: Mapping[str, str] = os.environ, *, told: Collection[str] = ()
+) -> FoundCode:
     """Looks at the code of applications that a specification makes, without importing anything of it.
 
     Args:
-        spec: The specification.
+        spec: The specification, which may have problems.
         settings: Settings of the service: its object store is looked into if it is a folder.
         environ: Environment variables, which may name a robot.
+        told: Paths of members that have problems; nothing is said of code that these members lead to.
 
     Returns:
         Problems of code that is there, and notes about code that is not on this machine; each once.
@@ -71,7 +81,7 @@ def check_code(spec: CheckedSpec, settings: Settings, environ: Mapping[str, str]
     if not any(step.operation in _MAKERS for step in spec.steps.values()):
         return FoundCode([], [])
     with ExitStack() as opened:
-        check = _CodeCheck(spec, settings, environ, opened)
+        check = _CodeCheck(spec, settings, environ, opened, told)
         check.run()
     return FoundCode(list(dict.fromkeys(check.problems)), list(dict.fromkeys(check.notes)))
 
@@ -95,6 +105,9 @@ class _CodeCheck:
     opened: ExitStack
     """Holds the folders into which archives were unpacked."""
 
+    told: Collection[str] = ()
+    """Paths of members with problems, whose code is not looked at."""
+
     problems: list[Problem] = field(default_factory=list[Problem])
     notes: list[Problem] = field(default_factory=list[Problem])
 
@@ -102,22 +115,30 @@ class _CodeCheck:
         """Looks at all applications, and at each job that starts one."""
         made = [found for step in self.spec.steps.values() if (found := self._application(step)) is not None]
         for step in self.spec.steps.values():
-            for location, request in _requests(step):
+            for request in written_requests(step):
                 for role, member in _MEMBERS.items():
-                    config = child(child(request, member) or step.input, 0) if child(request, member) else None
-                    if not isinstance(config, MappingNode):
+                    config, at = node_at(request.node, (member, 0)), (*step.location, *request.location, member, 0)
+                    if not isinstance(config, MappingNode) or self._is_wrong(
+                        (*at, "launchConfig"), (*at[:-2], "policy")
+                    ):
                         continue
-                    for name in _names(step, child(config, "application")):
+                    for name in _names(request, child(config, "application")):
                         for application in made:
                             if application.role == role and name in (application.name, f"{application.step}.arn"):
-                                at = (*step.location, *location, member, 0)
-                                self._look_at(application, request, config, at)
+                                self._look_at(application, request.node, config, at)
+
+    def _is_wrong(self, *locations: Location) -> bool:
+        """Returns whether a problem is told already of one of some members, or of something inside of it."""
+        paths = [path_text(each) for each in locations]
+        return any(f"{told}.".startswith((f"{path}.", f"{path}[")) for told in self.told for path in paths)
 
     # Files of applications
 
     def _application(self, step: CheckedStep) -> _Application | None:
         """Finds the files of the application that a step makes; `None` if there are none to be looked at."""
         role, request = _MAKERS.get(step.operation), plain(step.input)
+        if self._is_wrong(*((*step.location, each) for each in ("name", "environment", "sources"))):
+            return None
         name = request.get("name") if isinstance(request, dict) else None
         if role is None or not isinstance(name, str) or _OPENING in name:
             return None
@@ -206,6 +227,7 @@ class _CodeCheck:
                 # The machine of the jobs may have what this one lacks: ROS, a program, an interpreter.
                 self._tell_at(config, at, where, str(error), is_note="this machine" in str(error))
                 return
+            self._check_command(application, launch.get("command"), config, at)
             attribute = started.attribute if isinstance(started, Factory) else None
             if attribute is not None:
                 self._check_factory(application, attribute, config, at, where)
@@ -218,6 +240,23 @@ class _CodeCheck:
                 policy=policy or None,
             )
             self._check_robot(plan, variables, config, at)
+
+    def _check_command(self, application: _Application, command: object, config: MappingNode, at: Location) -> None:
+        """Checks that the files of the archive that a command names after its program are there."""
+        if application.folder is None or not is_list(command) or not command:
+            return
+        programs = [Path(str(word)).name for word in command]
+        if any(program.startswith(_FINDS_BY_PACKAGE) for program in programs):
+            return
+        script = next((index for index, word in enumerate(command) if index and not str(word).startswith("-")), None)
+        for index, word in enumerate(command[1:], 1):
+            if isinstance(word, str) and _is_missing(application.folder, word):
+                files = (path for path in application.folder.rglob("*") if path.is_file())
+                near = nearest(word, (path.relative_to(application.folder).as_posix() for path in files))
+                words = f"{application.role} application {application.name}: the archive has no file {word!r}{near}"
+                # Other words may be files that the program writes, or names that look like paths.
+                is_note = index != script or not programs[0].startswith(_INTERPRETERS)
+                self._tell_at(config, at, ("launchConfig", "command", index), words, is_note=is_note)
 
     def _check_factory(
         self, application: _Application, attribute: str, config: MappingNode, at: Location, where: Location
@@ -272,7 +311,7 @@ class _CodeCheck:
         if mapping is not None and ":" not in mapping.model and not (file.parent / mapping.model).is_file():
             told = [f"{shown}: model: there is no file {mapping.model!r} beside it"]
         elif mapping is not None and ":" not in mapping.model:
-            told = [f"{shown}{each.removeprefix(file.name)}" for each in _unknown_joints(file, mapping.model)]
+            told = [f"{shown}{each.removeprefix(file.name)}" for each in _unknown_names(file, mapping.model)]
         for each in told:
             self._tell_at(config, at, ("application",), f"robot application {plan.name}: {each}")
 
@@ -284,35 +323,28 @@ class _CodeCheck:
         told.append(Problem(place, path_text((*at, *where)), message))
 
 
-def _requests(step: CheckedStep) -> Iterator[tuple[Location, Node]]:
-    """Yields the requests for jobs that a step's input has, with their locations there."""
-    if step.operation == "CreateSimulationJob":
-        yield (), step.input
-    requests = child(step.input, "createSimulationJobRequests")
-    if requests is None:
-        return
-    at: Location = ("createSimulationJobRequests",)
-    if (made := made_list_of(requests)) is not None:
-        yield (*at, "value"), made.entries["value"]
-    for index, request in enumerate(requests.items if isinstance(requests, ListNode) else ()):
-        yield (*at, index), request
-
-
-def _names(step: CheckedStep, application: Node | None) -> list[str]:
-    """Returns the applications that a job may have: a name, `STEP.arn`, or all values of an axis."""
+def _names(request: WrittenRequest, application: Node | None) -> list[str]:
+    """Returns the applications that a job may have: a name, `STEP.arn`, or all values of an axis or a `forEach`."""
     written = application.value if isinstance(application, ScalarNode) else None
     if not isinstance(written, str):
         return []
     if found := _ARN.fullmatch(written):
         return [f"{found[1]}.arn"]
-    axes = axes_of(child(step.input, "createSimulationJobRequests") or step.input)
-    values = None
-    if axes is not None and (found := _AXIS.fullmatch(written)):
-        axis = child(child(axes, "axes") or axes, found[1])
-        values = child(axis, "values") if axis is not None else None
-    if isinstance(values, ListNode):
-        return [name for value in values.items for name in _names(step, value)]
+    if (found := _AXIS.fullmatch(written)) and found[1] in request.sources:
+        return [name for value in request.sources[found[1]] for name in _names(request, value)]
     return [written]
+
+
+def _is_missing(folder: Path, word: str) -> bool:
+    """Returns whether a word of a command names a file of the archive that is not there.
+
+    A word does so that is a script's name, or a path in a folder that the archive has; others may be anything, such as
+    a file that the program writes.
+    """
+    path = Path(word)
+    if not _PATH.fullmatch(word) or ".." in path.parts or (folder / path).exists():
+        return False
+    return word.endswith(_SCRIPTS) or (path.parent != Path() and (folder / path.parent).is_dir())
 
 
 def _drives(request: Node) -> bool:
@@ -335,8 +367,11 @@ def _variables(request: Node) -> dict[str, str]:
     return found
 
 
-def _unknown_joints(file: Path, model: str) -> Iterator[str]:
-    """Yields what a `robot.yaml` says of joints that its model does not name, with places; the model is only read."""
+def _unknown_names(file: Path, model: str) -> Iterator[str]:
+    """Yields what a `robot.yaml` says of parts that its model does not name, with places; the model is only read.
+
+    Parts are joints, actuators, and bodies and sites of sensors.
+    """
     from ....tasks.runtime.robots.robot_yaml.located_xml import parse_located
     from ....tasks.runtime.robots.robot_yaml.mapping import alternatives, placed
 
@@ -347,20 +382,39 @@ def _unknown_joints(file: Path, model: str) -> Iterator[str]:
     if parts[0].tag not in ("mujoco", "robot") or any(part.tag in _MAKES_JOINTS or ":" in part.tag for part in parts):
         return
     said = plain(parse(file.read_text(encoding="utf-8"), file.name))
-    drive, added = said["drive"], said.get("actuators", ())
     joints = {part.get("name", "") for part in parts if part.tag in ("joint", "freejoint")}
     actuators = {each.get("name", "") for part in parts if part.tag == "actuator" for each in part.iter()}
-    actuators |= {each.get("name", "") for each in added}
+    actuators |= {each.get("name", "") for each in said.get("actuators", ())}
+    places = {part.get("name", "") for part in parts if part.tag in ("link", "body", "site")}
+    moved, held = _named_joints(said)
+    for named, there, what in (
+        (moved, joints | actuators, "joints and actuators"),
+        (held, joints, "joints"),
+        (_named_places(said), places, "bodies and sites"),
+    ):
+        for at, name in named.items():
+            if name not in there:
+                hint = alternatives(name, sorted(there), what, at)
+                words = f"{at}: the model has no {name!r}; {hint}"
+                yield str(placed(LaunchError(f"{file.name}: {words}"), file))
+
+
+def _named_joints(said: Mapping[str, Any]) -> tuple[dict[str, str], dict[str, str]]:
+    """Returns the joints or actuators that a `robot.yaml` names, by member, and those that have to be joints."""
+    drive = said["drive"]
     moved = {f"drive.{at}[{i}]": name for at in ("left", "right") for i, name in enumerate(drive.get(at, ()))}
     moved |= {f"drive.{at}": drive[at] for at in ("x", "y", "yaw") if drive.get(at)}
     held = {f"joints[{i}]": name for i, name in enumerate(said.get("joints") or ())}
-    held |= {f"actuators[{i}].joint": each["joint"] for i, each in enumerate(added)}
-    held |= {f"spawn.joints.{name}": name for name in said["spawn"].get("joints", ())}
-    for at, name in (moved | held).items():
-        there, what = (joints | actuators, "joints and actuators") if at in moved else (joints, "joints")
-        if name not in there:
-            words = f"{at}: the model has no {name!r}; {alternatives(name, sorted(there), what)}"
-            yield str(placed(LaunchError(f"{file.name}: {words}"), file))
+    held |= {f"actuators[{i}].joint": each["joint"] for i, each in enumerate(said.get("actuators", ()))}
+    return moved, held | {f"spawn.joints.{name}": name for name in said["spawn"].get("joints", ())}
+
+
+def _named_places(said: Mapping[str, Any]) -> dict[str, str]:
+    """Returns the bodies and sites that a `robot.yaml` names for its sensors, by member."""
+    sensors: Mapping[str, Any] = said.get("sensors") or {}
+    found = {f"sensors.{name}": each for name, each in sensors.items() if is_object(each)}
+    found |= {f"sensors.cameras[{index}]": each for index, each in enumerate(sensors.get("cameras") or ())}
+    return {f"{member}.at": each["at"] for member, each in found.items() if each.get("at") is not None}
 
 
 def _shown(file: Path | None, root: Path | None) -> str:

@@ -153,7 +153,7 @@ def find_record(runs: Path, run: str) -> Path:
     """
     if "/" in run and (record := Path(run) / "run.json").is_file():
         return record
-    from ....schemas.reports.names import ambiguous, near_names, newest_first, runs_meant
+    from ....schemas.reports.names import ambiguous, near_names, newest_first, runs_meant, specification_of
 
     records = newest_first(runs.glob("*/run.json"))
     if not records:
@@ -167,7 +167,8 @@ def find_record(runs: Path, run: str) -> Path:
     if found:
         raise ConfigurationError(ambiguous(run, f"runs in {runs}", found))
     latest = ", ".join(names[:5])
-    raise ConfigurationError(f"there is no run {run!r} in {runs}; the latest are {latest}{near_names(run, names)}")
+    near = near_names(run, [*map(specification_of, names), *names])
+    raise ConfigurationError(f"there is no run {run!r} in {runs}; the latest are {latest}{near}")
 
 
 def find_run(runs: Path, run: str) -> Path:

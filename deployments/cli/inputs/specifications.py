@@ -5,6 +5,7 @@ import os
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from ....schemas.specs.parameters import AsText
 from ....schemas.specs.specification import CheckedSpec
 from ....schemas.specs.yaml_nodes import MappingNode, parse, plain
 from ....schemas.wire.errors import ConfigurationError, Place, Problem, RobomakerError, SpecError
-from ...spec_runs.visitor_specifications import SHIPPED, checked
+from ...spec_runs.visitor_specifications import SHIPPED, checked, checked_as_far_as_possible
 from .named_code import check_code
 
 _WORLD_ARN = ":world/"
@@ -74,7 +75,12 @@ def given_parameters(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def read_spec(
-    path: str, parameters: Mapping[str, Any] | None = None, *, is_complete: bool = True, with_code: bool = False
+    path: str,
+    parameters: Mapping[str, Any] | None = None,
+    *,
+    is_complete: bool = True,
+    with_code: bool = False,
+    with_worlds: bool = True,
 ) -> CheckedSpec:
     """Reads and checks a specification file; worlds that it names are found in the catalog.
 
@@ -83,6 +89,7 @@ def read_spec(
         parameters: Values of its parameters; see `given_parameters`.
         is_complete: Whether each parameter has to have a value, as for a run.
         with_code: Whether to look at the code that the specification points at, too.
+        with_worlds: Whether to find the worlds that it names in the catalog.
 
     Raises:
         InputFileError: The file cannot be opened.
@@ -90,20 +97,42 @@ def read_spec(
     """
     shipped = SHIPPED / f"{path}.yaml"
     is_shipped = "." not in path and "/" not in path and not Path(path).exists() and shipped.is_file()
-    text = read_text(str(shipped) if is_shipped else path)
-    spec = checked(text, path, parameters, is_complete=is_complete)
+    try:
+        text = read_text(str(shipped) if is_shipped else path)
+    except InputFileError as error:
+        raise InputFileError(f"{error}{_meant_instead(path)}") from error
     if not with_code:
-        return _with_worlds_found(spec)
-    code = check_code(spec, Settings.from_environment(os.environ))
-    spec = replace(spec, notes=(*spec.notes, *code.notes))
+        spec = checked(text, path, parameters, is_complete=is_complete)
+        return _with_worlds_found(spec) if with_worlds else spec
+    spec, problems = checked_as_far_as_possible(text, path, parameters, is_complete=is_complete)
+    code = check_code(spec, Settings.from_environment(os.environ), told={each.path for each in problems})
+    spec, problems = replace(spec, notes=(*spec.notes, *code.notes)), [*problems, *code.problems]
     try:
         spec = _with_worlds_found(spec)
         _check_rooms(spec)
     except SpecError as error:
-        code.problems.extend(error.problems)
-    if code.problems:
-        raise SpecError(sorted(code.problems, key=lambda each: (each.place.line, each.place.column)), spec.notes)
+        problems += error.problems
+    except (RobomakerError, OSError):  # the catalog, say, does not answer; problems of the file are told all the same
+        if not problems:
+            raise
+    if problems:
+        raise SpecError(sorted(problems, key=lambda each: (each.place.line, each.place.column)), spec.notes)
     return spec
+
+
+def _meant_instead(path: str) -> str:
+    """Returns words about a run whose specification has about the name that was given for a file; empty: none has."""
+    from ....schemas.reports.names import specification_of
+
+    if "." in path or "/" in path:
+        return ""
+    runs = Settings.from_environment(os.environ).home / "runs"
+    names = {specification_of(each.parent.name) for each in runs.glob("*/order.json")}
+    names |= {specification_of(each.parent.name) for each in runs.glob("*/run.json")}
+    if not (near := get_close_matches(path, sorted(names), n=1)):
+        return "; a specification is a file, and runs are listed by `robomaker history`"
+    again = f"`robomaker rerun {near[0]}` runs it again, `robomaker report {near[0]}` tells how it went"
+    return f"; a specification is a file; there are runs of {near[0]}: {again}"
 
 
 def _tell_world(name: str, arn: str) -> None:
@@ -150,7 +179,11 @@ def read_request(given: str, operation: str) -> dict[str, Any]:
     from ....schemas.specs.resolving import resolve_input
 
     text, name = _text(given)
-    checked = _with_worlds_found(load_request(text, name, operation), _tell_world)
+    try:
+        checked = _with_worlds_found(load_request(text, name, operation), _tell_world)
+    except SpecError as error:
+        error.page = "docs/operations.md has each operation with an example"
+        raise
     return resolve_input(checked.steps[checked.order[0]], {})
 
 

@@ -18,6 +18,7 @@ from ....schemas.reports.progress import Note, ProgressEvent, ProgressListener, 
 from ....schemas.reports.run_record import Order
 from ....schemas.settings import Settings
 from ....schemas.wire.errors import ConfigurationError, RobomakerError, SpecError
+from ....tasks.inspection.run_records import RECORD_NAME
 from ....tasks.nights.open_runs import CANCEL, OpenRun
 from ...endpoint.calling.access_keys import AccessKey, read_access_keys
 from ...endpoint.calling.audit_log import AuditLog
@@ -55,10 +56,10 @@ def main() -> None:
             if not run.is_cancelled:  # else the run sees so itself, and tells how its jobs ended
                 threading.Thread(target=_watch, args=(folder / CANCEL,), daemon=True).start()
             _carry_out(run, settings, told)
-    except SpecError as error:
-        problem = "\n".join(map(str, error.problems))
     except RobomakerError as error:
-        problem = str(error)
+        problem = "\n".join(map(str, error.problems)) if isinstance(error, SpecError) else str(error)
+        if listener is not None and not order.interruptions and not (folder / RECORD_NAME).is_file():
+            _finish_refused(order, error, settings, listener)
     except KeyboardInterrupt:
         problem = "it was cancelled"  # of one that had begun there is a record, which says so, too
     finally:
@@ -71,6 +72,13 @@ def main() -> None:
         # A night that could not be finished now, as its Prefect server does not answer, is tried again.
         if listener is not None or run.is_cancelled:
             run.end()
+
+
+def _finish_refused(order: Order, error: RobomakerError, settings: Settings, listener: ProgressListener) -> None:
+    # Imported when something is refused: it takes the report's modules.
+    from ....tasks.nights.refused_runs import finish_refused_order
+
+    finish_refused_order(order, error, settings, listener)
 
 
 def _carry_out(run: OpenRun, settings: Settings, listener: ProgressListener) -> None:

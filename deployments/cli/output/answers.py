@@ -94,17 +94,21 @@ def _time_text(value: object) -> str:
     raise TypeError(f"{value!r} has no JSON form")
 
 
-def print_problems(problems: Sequence[Problem]) -> None:
-    """Prints a specification's problems and their number to standard error, in GitHub workflows also as annotations."""
+def print_problems(problems: Sequence[Problem], page: str | None = None) -> None:
+    """Prints a specification's problems and their number to standard error, in GitHub workflows also as annotations.
+
+    Args:
+        problems: The problems; at least one.
+        page: Clause on the page that says what would be right; None: that on specifications.
+    """
     from ....schemas.wire.common import counted
+    from ....schemas.wire.errors import SpecError
 
     for problem in problems:
         sys.stderr.write(f"{problem}\n")
     files = {problem.place.file for problem in problems}
     count = counted(len(problems), "problem")
-    sys.stderr.write(
-        f"robomaker: {count} in {', '.join(sorted(files))}; nothing was run; docs/specification.md has the language\n"
-    )
+    sys.stderr.write(f"robomaker: {count} in {', '.join(sorted(files))}; nothing was run; {page or SpecError.page}\n")
     if os.environ.get("GITHUB_ACTIONS") == "true":
         for problem in problems:
             sys.stderr.write(f"{annotation(problem)}\n")

@@ -3,20 +3,29 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from ....schemas.reports.changes import CellChange, RequirementChange, SinceLastRun
-from ....schemas.reports.comparison import Comparison, MetricChange, NeededPairs, PairedJob
+from ....schemas.reports.changes import CellChange, MetricChange, PairedTrial, RequirementChange, SinceLastRun
+from ....schemas.reports.comparison import Comparison, NeededPairs, PairedJob
 from ....schemas.reports.history import History, MissedNight, Night
 from ....schemas.reports.report import ArmComparison
 from ....schemas.reports.run_record import RunRecord, interrupted_briefly
+from ....schemas.trial_copies import COPIES
 from ....schemas.wire.common import counted
 from ....tasks.comparison.compared_runs import NightRun
 from ....tasks.inspection.run_records import is_night, since_last
 from ....tasks.reporting import outcomes
 from ....tasks.reporting.nights.changes import (
+    TOO_FEW,
     change_in_words,
+    fallen_briefly,
+    fallen_in_words,
     judged_otherwise_in_words,
+    largest_fall_in_words,
+    level,
     losses_in_words,
+    moved_in_words,
+    newly_failing_in_words,
     place_in_words,
+    repro_command,
     requirement_in_words,
     shared_since,
     since_in_words,
@@ -26,6 +35,10 @@ from ....tasks.reporting.nights.changes import (
 
 _MOST_JOBS = 10
 """Limit of the jobs that are printed in a list; JSON and pages have them all."""
+_MOST_LOST = 2
+"""Jobs that the end of a run names of those that are gone; `robomaker history` names more."""
+_MOST_MOVED = 2
+"""Metrics that are named although chance may have moved them: those that moved furthest."""
 _MOST_PLACES = 3
 _MOST_NIGHTS = 14
 
@@ -34,18 +47,22 @@ def comparison_lines(comparison: Comparison) -> list[str]:
     """Formats the comparison of two runs as text lines: the answer, what differs between the runs, then details."""
     is_tested = comparison.answer != "not comparable"
     lines = [
-        _answer(comparison),
-        *_fallen(comparison.margins),
+        *([f"{turned}."] if (turned := comparison.turned_in_words) else []),
+        f"{(answer := comparison.answer_in_words)[0].upper()}{answer[1:]}: "
+        f"{comparison.told_of(comparison.before.run_id, comparison.after.run_id)}.",
+        *([fallen] if (fallen := fallen_briefly(comparison.margins)) else []),
+        *([f"{order[0].upper()}{order[1:]}."] if (order := comparison.order_in_words) else []),
         "",
         f"  {'how sure' if is_tested else 'why':<13} {comparison.why}",
     ]
     if rate := comparison.rate:
         lines.append(
             f"  pass rate     {rate.before:.1%} → {rate.after:.1%}, {_points(rate.difference)} points "
-            f"({_level(comparison.alpha)} interval {_points(rate.low)} to {_points(rate.high)})"
+            f"({level(comparison.alpha)} interval {_points(rate.low)} to {_points(rate.high)})"
         )
     if comparison.needed:
         lines.append(f"  needed        {_needed(comparison.needed)}")
+        lines += [f"    assumed: {words}" for words in comparison.needed.assumed]
     lines += [
         f"  pairs         {_pairs(comparison)}",
         f"  what differs  {'; '.join(map(change_in_words, comparison.changed)) or 'nothing that is recorded'}",
@@ -61,51 +78,6 @@ def comparison_lines(comparison: Comparison) -> list[str]:
     lines += [f"  {line}" for line in losses_in_words(comparison, _MOST_JOBS)]
     lines += _margins(comparison.margins, comparison.alpha) + _metrics(comparison.metrics, comparison.alpha)
     return lines + _next(comparison)
-
-
-def _answer(comparison: Comparison) -> str:
-    """Returns the answer as a sentence, which names both runs."""
-    before, after = comparison.before.run_id, comparison.after.run_id
-    rate = comparison.rate
-    if comparison.answer == "not comparable":
-        return f"Not comparable: {after} with {before}."
-    if comparison.answer == "not worse":
-        fall = f" by {100 * rate.margin.margin:.3g} points or more" if rate and rate.margin else " by as much as asked"
-        return f"Not worse: the pass rate of {after} did not fall{fall} below that of {before}."
-    if comparison.answer != "no difference shown":
-        often = "more" if comparison.answer == "better" else "less"
-        return f"{comparison.answer.capitalize()}: {after} passes {often} often than {before}, by more than chance."
-    if rate is None:
-        return f"No difference shown: it is open whether {after} passes more or less often than {before}."
-    if not rate.difference:
-        return f"No difference shown: {after} passes as often as {before}."
-    often = "more" if rate.difference > 0 else "less"
-    return f"No difference shown: {after} passes {often} often than {before}, but chance alone may do that."
-
-
-def _fallen(margins: Sequence[MetricChange]) -> list[str]:
-    """Returns a line about margins that fell on average; none where none did."""
-    fallen = [each for each in margins if each.fell and each.difference < 0]
-    if not fallen:
-        return []
-    sure = [each.name for each in fallen if each.changed]
-    others = [each.name for each in fallen if not each.changed]
-    told = [f"{_named(sure)}, by more than chance"] if sure else []
-    told += [f"{_named(others)}, {'not tested' if _is_untested(fallen) else 'perhaps by chance'}"] if others else []
-    return [f"Margins of requirements fell: {'; '.join(told)}."]
-
-
-def _is_untested(changes: Sequence[MetricChange]) -> bool:
-    return all(each.low is None for each in changes)
-
-
-def _named(names: Sequence[str]) -> str:
-    more = f" and {len(names) - _MOST_PLACES} more" if len(names) > _MOST_PLACES else ""
-    return f"{', '.join(names[:_MOST_PLACES])}{more}"
-
-
-def _level(alpha: float) -> str:
-    return f"{100 * (1 - alpha):.4g}%"
 
 
 def arm_lines(run_id: str, axis: str, arm: ArmComparison) -> list[str]:
@@ -127,10 +99,8 @@ def history_lines(history: History, page: Path) -> list[str]:
     """Formats a specification's history as text lines: changes, latest runs, flaky jobs."""
     since = history.since_last
     lines = [f"{history.name}: {counted(len(history.nights), 'run')}", ""]
-    if since.previous_run_id is None:
-        lines.append("  This is the first run that has results: there is nothing to compare it with.")
-    elif not since.paired and since.unpaired:
-        lines.append("  No job of the last run has the step, world and seed of a job of an earlier run.")
+    if told := _last_run(history.nights[-1], since):
+        lines += [f"  {told}", *([""] if history.nights[-1].why_broken and not history.nights[-1].jobs else [])]
     lines += _counts(since)
     if lost := losses_in_words(since, _MOST_JOBS):
         lines += [*(f"  {line}" for line in lost), ""]
@@ -150,6 +120,20 @@ def history_lines(history: History, page: Path) -> list[str]:
         lines += [f"    {cell.cell.title}" for cell in unsteady[:_MOST_JOBS]]
     lines += ["", *_nights(history.nights, history.missed), "", f"  page     {page}"]
     return lines
+
+
+def _last_run(last: Night, since: SinceLastRun) -> str:
+    """Returns why the last run is not compared with an earlier one; empty: it is."""
+    if last.refusal:
+        return f"The last run was {last.refused_in_words}"
+    if last.step_error and not last.jobs:
+        return f"The last run made no jobs: {last.step_error}"
+    if since.previous_run_id is None:
+        first = "This is the first run that has results: there is nothing to compare it with."
+        return first if last.jobs else "The last run has no results."
+    if not since.paired and since.unpaired:
+        return "No job of the last run has the step, world and seed of a job of an earlier run."
+    return ""
 
 
 def _counts(since: SinceLastRun) -> list[str]:
@@ -174,9 +158,11 @@ def newest_lines(newest: Mapping[str, Night]) -> list[str]:
 
 
 def _ended(night: Night) -> str:
-    """Returns the state of a run and its counts: `failed, 2 of 3 jobs passed`."""
-    noun = "job" if night.trials == night.jobs else "trial"
-    return night.cut_short or f"{night.state}, {night.success.passed} of {counted(night.trials, noun)} passed"
+    """Returns the state of a run and its counts: `failed, 2 of 3 jobs passed, 1 of 3 taken over`."""
+    if night.why_broken and not night.jobs:
+        return f"{night.state}, {night.why_broken}"
+    told = night.cut_short or f"{night.shown_state}, {night.passed_in_words}"
+    return f"{told}, {night.jobs_in_words}" if night.taken_over else told
 
 
 def requirement_lines(changes: Sequence[RequirementChange]) -> list[str]:
@@ -192,26 +178,30 @@ def requirement_lines(changes: Sequence[RequirementChange]) -> list[str]:
 
 
 def changed_lines(record: RunRecord) -> list[str]:
-    """Formats a run's newly missed requirements and lost checks as text lines; empty for runs that are no nights."""
+    """Formats what is new in a run as text lines: requirements, lost checks, newly failing jobs; of a night only."""
     if not is_night(record):
         return []
     since = since_last(NightRun.of(record), record.run_dir.parent)
-    lines = [*_changed_requirements(since), *losses_in_words(since, _MOST_JOBS)]
+    lines = [*_changed_requirements(since), *losses_in_words(since, _MOST_LOST)]
+    lines += [failing] if (failing := newly_failing_in_words(since)) else []
     if lines and since.previous_run_id:
         lines.append(f"better or worse: robomaker compare {since.previous_run_id} {record.run_id}")
     return lines
 
 
 def _changed_requirements(since: SinceLastRun) -> list[str]:
-    """Lists requirements that are newly missed or met, and those that will soon be missed."""
-    return [*requirement_lines(since.requirements), *map(trend_in_words, since.shrinking[:_MOST_JOBS])]
+    """Lists requirements that are newly missed or met, margins that fell, and those that will soon be missed."""
+    lines = requirement_lines(since.requirements)
+    for each in since.margins[:_MOST_JOBS]:
+        lines += [fallen_in_words(each), *(f"  {fall}" for fall in [largest_fall_in_words(each)] if fall)]
+    return [*lines, *map(trend_in_words, since.shrinking[:_MOST_JOBS])]
 
 
 def _pairs(comparison: Comparison) -> str:
     """Says how many jobs and trials both runs have, and how many of these pairs count for the answer."""
     has_trials = comparison.trials != comparison.pairs
-    of_both = counted(comparison.pairs, "job") + (f" with {counted(comparison.trials, 'trial')}" if has_trials else "")
-    told = [f"both runs have {of_both}"]
+    with_trials = f" with {counted(comparison.trials, 'trial')}" if comparison.trials else ", and no trial in common"
+    told = [f"both runs have {counted(comparison.pairs, 'job')}{with_trials if has_trials else ''}"]
     if comparison.rate:
         told.append(f"{counted(comparison.rate.pairs, 'pair')} of {'trials' if has_trials else 'jobs'} count")
     if comparison.unjudged:
@@ -221,6 +211,10 @@ def _pairs(comparison: Comparison) -> str:
     told += [f"{counted(comparison.other_requests, 'job')} with a changed request"] if comparison.other_requests else []
     for only, which in ((comparison.only_before, "first"), (comparison.only_after, "second")):
         told += [f"{counted(only, 'job')} only in the {which} run"] if only else []
+    # Where jobs are missing their trials are among these.
+    if has_trials and comparison.trials and not comparison.only_before + comparison.only_after:
+        for only, which in ((comparison.trials_only_before, "first"), (comparison.trials_only_after, "second")):
+            told += [f"{counted(only, 'trial')} only in the {which} run"] if only else []
     return "; ".join(told)
 
 
@@ -278,11 +272,9 @@ def _margins(changes: Sequence[MetricChange], alpha: float) -> list[str]:
         return [f"  margins       those of {asked} stayed the same"]
     lines = [f"  margins       those of {len(moved)} of {asked} moved"]
     for each in moved[:_MOST_JOBS]:
-        lines.append(f"    {each.name}: {_moved(each, each.unit or '', alpha)}")
-        if fall := each.largest_fall:
-            where = fall.cell.title if fall.trial is None else f"{fall.cell.title}, trial {fall.trial}"
-            values = _values(fall.before, fall.after, each.unit or "")
-            lines.append(f"      fell in {each.fell} of {counted(each.pairs, 'pair')}, most in {where}: {values}")
+        lines.append(f"    {each.name}: {moved_in_words(each, each.unit or '', alpha)}")
+        if fall := largest_fall_in_words(each):
+            lines.append(f"      {fall}")
     return lines + _more(len(moved))
 
 
@@ -293,32 +285,23 @@ def _metrics(changes: Sequence[MetricChange], alpha: float) -> list[str]:
     if not changes:
         return []
     if not tested:
-        return [f"  metrics       not tested: {_TOO_FEW}"]
-    told = [f"{len(changed)} changed by more than chance", f"{len(tested) - len(changed)} show no change"]
-    told += [f"{len(changes) - len(tested)} not tested: {_TOO_FEW}"] if len(changes) > len(tested) else []
+        return [f"  metrics       not tested: {TOO_FEW}"]
+    moved = sorted((each for each in tested if (each.fell or each.rose) and not each.changed), key=_share_moved)
+    told = [f"{len(changed)} changed by more than chance"]
+    told += [f"{len(moved)} moved, which may be chance"] if moved else []
+    told += [f"{same} stayed the same"] if (same := len(tested) - len(changed) - len(moved)) else []
+    told += [f"{len(changes) - len(tested)} not tested: {TOO_FEW}"] if len(changes) > len(tested) else []
     lines = [f"  metrics       {', '.join(told)}"]
-    for each in changed:
+    for each in [*changed, *moved[:_MOST_MOVED]]:
         name, unit = outcomes.name_and_unit(each.name)
-        lines.append(f"    {name}: {_moved(each, unit, alpha)}")
+        lines.append(f"    {name}: {moved_in_words(each, unit, alpha)}")
     return lines
 
 
-_TOO_FEW = "there is 1 pair, and a test takes 2 or more"
-
-
-def _moved(change: MetricChange, unit: str, alpha: float) -> str:
-    """Says how a mean changed, and whether by more than chance."""
-    values = _values(change.before, change.after, unit)
-    if change.low is None or change.high is None:
-        return f"{values}; whether by chance was not tested: {_TOO_FEW}"
-    interval = f"{_level(alpha)} interval {_signed(change.low)} to {_signed(change.high)}"
-    sure = "by more than chance" if change.changed else "which may be chance"
-    difference = f"{_signed(change.difference)} {unit}".rstrip()
-    return f"{values} on average of {counted(change.pairs, 'pair')}, {difference}, {sure} ({interval})"
-
-
-def _values(before: float, after: float, unit: str) -> str:
-    return f"{outcomes.compact(before)} → {outcomes.compact(after)} {unit}".rstrip()
+def _share_moved(change: MetricChange) -> float:
+    """Returns a key that sorts metrics by how far their means moved, the furthest first."""
+    largest = max(abs(change.before), abs(change.after))
+    return -abs(change.difference) / largest if largest else 0.0
 
 
 def _next(comparison: Comparison) -> list[str]:
@@ -327,12 +310,12 @@ def _next(comparison: Comparison) -> list[str]:
         return []
     before, after = comparison.before.run_id, comparison.after.run_id
     lines = ["", f"  side by side  robomaker compare {before} {after} --report compared.html"]
-    places = [(each.job, each.trial) for change in comparison.requirements for each in change.places[:1]]
-    falls = [each.largest_fall for each in comparison.margins if each.largest_fall and each.difference < 0]
-    places += [(each.job, each.trial) for each in falls]
+    places: list[PairedTrial] = [each for change in comparison.requirements for each in change.places[:1]]
+    places += [each.largest_fall for each in comparison.margins if each.largest_fall and each.has_fallen]
     if places:
-        job, trial = places[0]
-        lines.append(f"  watch one     robomaker repro {job}" + ("" if trial is None else f" --trial {trial}"))
+        lines.append(f"  watch one     {repro_command(places[0].job, places[0].trial)}")
+        if earlier := places[0].before_job:
+            lines.append(f"  the same in A {repro_command(earlier, places[0].before_trial)}")
     return lines
 
 
@@ -348,9 +331,11 @@ def _nights(nights: Sequence[Night], missed: Sequence[MissedNight]) -> list[str]
         rate = "–" if share.rate is None else f"{share.rate:.0%}"
         interval = "" if share.low is None or share.high is None else f"{share.low:.0%}–{share.high:.0%}"
         told = [
-            night.cut_short,
+            night.cut_short or _broke(night),
+            night.jobs_in_words,
             interrupted_briefly(night.interruptions),
             night.against,
+            share.copies_briefly,
             *map(change_in_words, night.changed),
         ]
         changed = ", ".join(filter(None, told))
@@ -358,14 +343,18 @@ def _nights(nights: Sequence[Night], missed: Sequence[MissedNight]) -> list[str]
         lines.append(
             f"  {outcomes.minute(night.started_at):<17} {rate:>5}  {interval:<10} {counts}  {changed}".rstrip()
         )
+    lines += [f"  {COPIES}"] if any(night.success.copies for night in shown) else []
     if len(nights) > len(shown):
         lines.append(f"  … and {len(nights) - len(shown)} before; the page has them all")
     return lines
 
 
+def _broke(night: Night) -> str:
+    """Says that a run broke and why, where no job tells it; empty if it did not, or its broken trials are counted."""
+    if night.why_broken:
+        return f"{night.state}: {night.why_broken}"
+    return night.state if night.state == "broken" and not night.success.errors else ""
+
+
 def _points(share: float) -> str:
     return f"{share * 100:+.1f}"
-
-
-def _signed(value: float) -> str:
-    return f"{'+' if value > 0 else ''}{outcomes.compact(value)}"

@@ -5,13 +5,13 @@ from collections.abc import Mapping, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from ....schemas.wire.common import counted
+from ....schemas.wire.common import counted, passed_of
 from .answers import duration
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ....schemas.reports.comparison import PlannedPairs
+    from ....schemas.reports.comparison import AxisPairs, PlannedPairs
     from ....schemas.reports.forecast import Forecast, ProbedJob, StepForecast
     from ....tasks.inspection.reuse_plans import PlannedPart
 
@@ -57,8 +57,13 @@ def forecast_lines(forecast: "Forecast") -> list[str]:
     return [*lines, f"  measured: {', '.join(forecast.probes)}"]
 
 
-def needed_lines(needed: "PlannedPairs") -> list[str]:
-    """Formats how many trials answer a question about two runs as text lines, the number first."""
+def needed_lines(needed: "PlannedPairs", ways: "Sequence[str]" = ()) -> list[str]:
+    """Formats how many trials answer a question about two runs as text lines, the number first.
+
+    Args:
+        needed: The numbers.
+        ways: Numbers of the specification that give enough trials, each alone.
+    """
     points = f"{needed.difference * 100:.3g} points"
     question = f"that nothing got worse by {points}" if needed.basis == "margin" else f"a difference of {points}"
     took = [] if needed.wall_time_s is None else [duration(needed.wall_time_s)]
@@ -75,10 +80,34 @@ def needed_lines(needed: "PlannedPairs") -> list[str]:
     if needed.planned is not None:
         enough = f"{needed.more} too few" if needed.more else "enough"
         lines.append(f"  a run has   {counted(needed.planned, 'trial')}: {enough}")
+    if ways:
+        lines.append(f"  to get them {', or '.join(ways)}")
     if needed.smallest is not None and needed.more:
-        what = "exclude a fall by" if needed.basis == "margin" else "show a difference of"
-        lines.append(f"  they        {what} {needed.smallest * 100:.3g} points")
+        lines.append(f"  they        {_shown_by_planned(needed, needed.smallest)}")
     return [*lines, *(f"  assumed: {words}" for words in needed.assumed)]
+
+
+def _shown_by_planned(needed: "PlannedPairs", smallest: float) -> str:
+    """Says which difference the planned trials show: pass rates differ by no more than the share of pairs that do."""
+    points = f"{smallest * 100:.3g} points"
+    if needed.basis == "margin":
+        return f"exclude a fall by {points}"
+    if smallest <= needed.discordant:
+        return f"show a difference of {points}"
+    return (
+        f"show no difference where {100 * needed.discordant:.3g}% of pairs differ; they would where "
+        f"{100 * smallest:.3g}% differ, all the same way"
+    )
+
+
+def axis_lines(axes: "Sequence[AxisPairs]") -> list[str]:
+    """Formats which axes of a run can be told apart by their values, as text lines."""
+    lines = ["values of an axis within one run, by `robomaker compare RUN --axis NAME=VALUE`:"]
+    for each in axes:
+        noun = "world" if each.of_worlds else "pair"
+        can = f"{'a' if each.pairs >= each.least else 'no'} difference of its values can be shown"
+        lines.append(f"  {each.step}.{each.axis}: {counted(each.pairs, noun)}; {can}; {each.least} is the least")
+    return lines
 
 
 def _warnings(step: "StepForecast") -> list[str]:
@@ -111,7 +140,7 @@ def _ran(jobs: "Sequence[ProbedJob]") -> list[str]:
 
 
 def _verdict(job: "ProbedJob") -> str:
-    trials = "" if job.trials is None else f", {job.trials_passed or 0} of {counted(job.trials, 'trial')} pass"
+    trials = "" if job.trials is None else f", {passed_of(job.trials_passed or 0, job.trials, 'trial')}"
     reason = job.reason.partition("\n")[0]
     return f"{job.job} {job.verdict}{trials}{f': {reason}' if reason else ''}"
 

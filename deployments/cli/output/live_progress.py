@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Self, TextIO
 
 from rich.console import Console, Group
@@ -11,12 +11,13 @@ from rich.spinner import Spinner
 from rich.table import Table
 from rich.text import Text
 
-from ....schemas.reports.progress import ProgressEvent
+from ....schemas.reports.progress import ProgressEvent, StepEnded
 from .answers import duration
-from .step_states import BAD_STATUSES, StepState, StepStates, Watcher
+from .step_states import Look, StepState, StepStates, Watcher, look_of
 
 _BAR_WIDTH = 20
 _SHOWN_NOTES = 3
+_MARKS: Mapping[Look, tuple[str, str]] = {"good": ("✓", "green"), "bad": ("✗", "red"), "unsure": ("!", "yellow")}
 
 
 class LiveWatcher(Watcher):
@@ -67,24 +68,27 @@ class LiveWatcher(Watcher):
         return Group(table, *notes)
 
     def _row(self, state: StepState, now: float) -> tuple[Text | Spinner, Text, Text, Text]:
-        if state.status is not None:
-            bad = state.status in BAD_STATUSES
-            mark = Text("✗", style="red") if bad else Text("✓", style="green")
-            took = Text(duration(state.duration_s) if state.status != "Skipped" else "")
-            said = Text.assemble((state.status, "red" if bad else ""), "  ", (_ending(state), "" if bad else "dim"))
-            return mark, Text(state.name), took, said
+        if (ended := state.ended) is not None:
+            look = look_of(ended)
+            sign, style = _MARKS[look]
+            took = Text(duration(ended.duration_s) if ended.status != "Skipped" else "")
+            colour = style if look != "good" else ""
+            said = Text.assemble((ended.in_words, colour), "  ", (_ending(state, ended), "" if colour else "dim"))
+            return Text(sign, style=style), Text(state.name), took, said
         if state.started_s is None:
             return Text("·", style="dim"), Text(state.name, style="dim"), Text(""), Text(state.operation, style="dim")
         elapsed = Text(duration(now - state.started_s), style="cyan")
         return self._spinner, Text(state.name, style="bold"), elapsed, _activity(state, now)
 
 
-def _ending(state: StepState) -> str:
-    counts = state.counts_text()
-    detail = state.detail.splitlines()[0] if state.detail else ""
+def _ending(state: StepState, ended: StepEnded) -> str:
+    """Returns the numbers of a step's worlds, as those of its jobs are said already, and its ARN or error."""
+    is_told = (state.total > 1 or state.counts.get("taken over")) and not ended.outcomes
+    counts = state.counts_text() if is_told else ""
+    detail = ended.detail.splitlines()[0] if ended.detail else ""
     if detail.startswith("arn:"):
         detail = detail.split(":", 5)[-1]
-    return "  ".join(part for part in (counts if state.total > 1 else "", detail) if part)
+    return "  ".join(filter(None, (counts, detail)))
 
 
 def _activity(state: StepState, now: float) -> Text:
@@ -93,5 +97,6 @@ def _activity(state: StepState, now: float) -> Text:
     done, total = state.work
     filled = _BAR_WIDTH * done // total
     bar = (("━" * filled, "cyan"), ("━" * (_BAR_WIDTH - filled), "dim"))
-    parts = [f"{state.done}/{state.total}", state.counts_text(), state.trials_text(), state.pace(now)]
+    counts = state.parts_text()
+    parts = [f"{state.done}/{state.total}" if counts else "", counts, state.trials_text(), state.pace(now)]
     return Text.assemble(*bar, "  ", "  ".join(part for part in parts if part))

@@ -94,7 +94,7 @@ class PlainWatcher(Watcher):
             return f"{event.step}: started {event.operation}"
         if isinstance(event, StepEnded):
             detail = f": {event.detail}" if event.detail else ""
-            return f"{event.step}: {event.status} after {duration(event.duration_s)}{detail}"
+            return f"{event.step}: {event.in_words} after {duration(event.duration_s)}{detail}"
         soon = self._clock() - self._printed < _LINE_EVERY_S
         return "" if soon and state.done < state.total else _progress_line(state)
 
@@ -108,17 +108,25 @@ class PlainWatcher(Watcher):
             with self._lock:
                 if self._clock() - self._printed >= self._heartbeat_s:
                     running = [state for state in self._states.steps.values() if state.is_running]
-                    self._print("; ".join(map(_progress_line, running)) or "still at work")
+                    self._print("; ".join(map(_progress_line, running)) or f"still at work: {self._at_what()}")
+
+    def _at_what(self) -> str:
+        """Says what is done while no step runs."""
+        ended = [state.name for state in self._states.steps.values() if state.ended is not None]
+        if not ended:
+            return "the run begins at the Prefect server"
+        left = len(self._states.steps) - len(ended)
+        return f"between {ended[-1]} and the next step" if left else "the report is written"
 
 
 def _progress_line(state: StepState) -> str:
-    counts = state.counts_text()
-    if not counts:
+    counts = state.parts_text()
+    if not counts and not state.trials_text():
         return f"{state.name}: running"
     told = (
-        f"{state.name}: {counts} of {state.total}",
+        f"{counts} of {state.total}" if counts else "",
         state.trials_text(),
         state.after_trials_text(),
         state.wait_text(),
     )
-    return ", ".join(filter(None, told))
+    return f"{state.name}: {', '.join(filter(None, told))}"

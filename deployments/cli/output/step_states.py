@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
+from typing import Literal
 
 from ....schemas.reports.progress import (
     FINISHED,
@@ -17,7 +18,22 @@ from ....schemas.runs.programs import IN_WORDS, Wait
 from ....schemas.wire.common import counted
 from .answers import duration
 
-BAD_STATUSES = frozenset({"Failed", "Canceled", "TimedOut", "PartialFailed", "Skipped"})
+_BAD_STATUSES = frozenset({"Failed", "Canceled", "TimedOut", "PartialFailed", "Skipped"})
+_BAD_OUTCOMES = ("broken", "canceled")
+
+Look = Literal["good", "bad", "unsure"]
+
+
+def look_of(ended: StepEnded) -> Look:
+    """Returns how an ended step is shown: `bad` if it, or a job of it, did not do as it should.
+
+    It is `unsure` where only the end of the run tells whether its failed jobs are known failures.
+    """
+    if ended.status in _BAD_STATUSES or any(ended.outcomes.get(each) for each in _BAD_OUTCOMES):
+        return "bad"
+    if ended.outcomes.get("failed"):
+        return "unsure" if ended.may_be_known else "bad"
+    return "good"
 
 
 @dataclass
@@ -32,16 +48,13 @@ class StepState:
     newest_failure: str = ""
     waits_for: Wait | None = None
     trials: TrialCounts | None = None
-    status: str | None = None
-    """Final status of a run's step; `None` while it waits or runs."""
-
-    duration_s: float = 0.0
-    detail: str = ""
+    ended: StepEnded | None = None
+    """Final event of a run's step; `None` while it waits or runs."""
 
     @property
     def is_running(self) -> bool:
         """Whether a run's step has started and not ended."""
-        return self.started_s is not None and self.status is None
+        return self.started_s is not None and self.ended is None
 
     @property
     def done(self) -> int:
@@ -51,6 +64,10 @@ class StepState:
     def counts_text(self) -> str:
         """Returns the counts of a step's parts by state: `2 running, 1 completed`."""
         return ", ".join(f"{count} {state}" for state, count in self.counts.items() if count)
+
+    def parts_text(self) -> str:
+        """Returns the counts of a step's parts while it goes on; empty for a single job whose trials are counted."""
+        return "" if self.total == 1 and self.trials is not None else self.counts_text()
 
     def trials_text(self) -> str:
         """Returns a step's trial counts: `3,100 of 10,000 trials`; empty if there are none."""
@@ -122,7 +139,7 @@ class StepStates:
             state.newest_failure = event.newest_failure or state.newest_failure
             state.waits_for, state.trials = event.waits_for, event.trials
         elif isinstance(event, StepEnded):
-            state.status, state.duration_s, state.detail = event.status, event.duration_s, event.detail
+            state.ended = event
 
 
 class Watcher(AbstractContextManager["Watcher"]):

@@ -2,21 +2,28 @@
 
 import re
 import shlex
-from collections.abc import Sequence
-from typing import TextIO
+from collections.abc import Mapping, Sequence
+from typing import Any, TextIO
 
 from ....schemas.reports.live_comparison import in_words
+from ....schemas.reports.names import short_name
 from ....schemas.reports.run_record import JobRecord, RunRecord, StepRecord, interrupted_in_words
-from ....schemas.reports.run_states import counts_in_words, plain_reason
+from ....schemas.reports.run_states import counts_in_words, plain_reason, shown_state
+from ....schemas.runs.plan import Requirement
+from ....schemas.runs.trials import OF_ALL_TRIALS
 from ....schemas.specs.parameter_values import values_in_words
 from ....schemas.wire.common import counted
+from ....schemas.wire.json_values import is_mapping
+from ....tasks.reporting.outcomes import never_began, never_began_in_words
 from .answers import Cell, duration, print_lines
 from .challenge import challenge_lines
 
-_STATE_STYLES = {"succeeded": "bold green", "failed": "bold red", "broken": "bold red"}
+_STATE_STYLES = {"passed": "bold green", "succeeded": "bold green", "failed": "bold red", "broken": "bold red"}
 _ANSWER_STYLES = {"better": "bold green", "not worse": "bold green", "worse": "bold red"}
 _VERDICT_STYLES = {"PASS": "green", "FAIL": "red", "ERROR": "red"}
 _MAX_JOBS = 40
+_WITHOUT_MARGINS = (None, "predicate", "off")
+"""Kinds of requirements whose margins are not told: the environment's own, and those that are met or not."""
 _MAX_REASON = 500
 """Limit of the characters of a failure reason, or a remark, in the summary: the longest sentences of ours have 400."""
 _LOG_SAYS = "; its log ends with: "
@@ -59,7 +66,7 @@ def summary_lines(
 ) -> list[list[Cell]]:
     """Returns the final summary of a run as lines of styled text."""
     took = duration((record.ended_at - record.started_at).total_seconds())
-    head: list[Cell] = [(f"{record.name}: ", ""), (record.state, _STATE_STYLES.get(record.state, "bold yellow"))]
+    head: list[Cell] = [(f"{record.name}: ", ""), (shown_state(record), _STATE_STYLES.get(record.state, "bold yellow"))]
     lines: list[list[Cell]] = [[], [*head, (f"{_headline(record)} after {took}", "")]]
     lines += _origin_lines(record, took)
     if failed := [step for step in record.steps if step.error]:
@@ -67,7 +74,7 @@ def summary_lines(
     if record.challenge is not None:
         lines += [[], *challenge_lines(record.challenge)]
     elif record.jobs:
-        lines += [[], *_job_lines(record.jobs), *_known_lines(record.known_notes)]
+        lines += [[], *_job_lines(record), *_margin_lines(record.jobs), *_known_lines(record.known_notes)]
     if why:
         lines += [[], *([("  why: ", "dim"), (_cut(line), "")] for line in why)]
     lines += _changed_lines(lost)
@@ -76,6 +83,7 @@ def summary_lines(
         lines.append(_place("report", str(record.report_path)))
     if folder := _outputs(record.jobs):
         lines.append(_place("outputs", folder))
+    lines += [_place("worlds", f"robomaker world sheet {job}") for job in _world_jobs(record.steps)]
     lines.append(_place("record", str(record.run_dir / "run.json")))
     if page:
         lines.append(_place("console", page))
@@ -118,11 +126,21 @@ def _step_line(step: StepRecord) -> list[Cell]:
     return [("  ✗ ", "red"), (f"{step.name} ({step.operation}): ", "bold"), (said, "")]
 
 
-def _job_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
+def _job_lines(record: RunRecord) -> list[list[Cell]]:
+    """Returns the table of jobs; requests whose batch ended before are one line."""
+    begun = [(number, job) for number, job in enumerate(record.jobs, start=1) if not never_began(job)]
+    lines = _job_table(begun) if begun else []
+    is_decided = record.against is not None and record.against.stopped_early
+    if left := never_began_in_words(len(record.jobs) - len(begun), is_decided=is_decided):
+        lines.append([(f"  {left}", "dim")])
+    return lines + _remark_lines(record.jobs)
+
+
+def _job_table(jobs: Sequence[tuple[int, JobRecord]]) -> list[list[Cell]]:
     shown = jobs[:_MAX_JOBS]
     titles = ("#", "job", "verdict", "world", "setting", "rooms", "simulated", "wall time", "id", "", "")
     table = [[(title, "dim") for title in titles]]
-    table += [_job_cells(number, job) for number, job in enumerate(shown, start=1)]
+    table += [_job_cells(number, job) for number, job in shown]
     # A column that says nothing about any job is left out.
     filled = [column for column in range(len(titles)) if any(row[column][0] for row in table[1:])]
     rows: list[list[Cell]] = [[row[column] for column in filled] for row in table]
@@ -136,7 +154,42 @@ def _job_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
         lines.append([("  ", ""), *padded])
     if len(jobs) > len(shown):
         lines.append([(f"  … and {len(jobs) - len(shown)} more; the report has them all", "dim")])
-    return lines + _remark_lines(jobs)
+    return lines
+
+
+def _margin_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
+    """Names the trial with the smallest margin of each requirement that all trials of all jobs met.
+
+    None is named where some trials were not judged: one of them may have a smaller margin. Only requirements of the
+    request are told of; in jobs that failed, reasons name the trials.
+    """
+    if not all(map(_is_judged, jobs)):
+        return []
+    found: dict[str, list[tuple[float, JobRecord, Requirement]]] = {}
+    missed: set[str] = set()
+    for job in jobs:
+        for each in job.requirements:
+            if not each.satisfied:
+                missed.add(each.name)
+            elif each.trial is not None and each.margin is not None and each.kind not in _WITHOUT_MARGINS:
+                found.setdefault(each.name, []).append((each.margin, job, each))
+    smallest = [min(those, key=lambda it: it[0]) for name, those in found.items() if name not in missed]
+    return [
+        [
+            (f"  {each.name}: ", ""),
+            (f"smallest margin {each.margin_text}, trial {each.trial}: ", "dim"),
+            (f"robomaker repro {job.label} --trial {each.trial}", "dim"),
+        ]
+        for _, job, each in smallest[:_MAX_JOBS]
+    ]
+
+
+def _is_judged(job: JobRecord) -> bool:
+    """Whether a job has a verdict, and so have all of its trials."""
+    if job.status != "Completed" or job.verdict not in ("PASS", "FAIL"):
+        return False
+    has_trials = any(each.name == OF_ALL_TRIALS for each in job.requirements)
+    return not (has_trials and job.unnamed_failure)  # trials broke, are missing or have no verdict
 
 
 def _known_lines(notes: Sequence[str]) -> list[list[Cell]]:
@@ -220,6 +273,20 @@ def _outputs(jobs: Sequence[JobRecord]) -> str:
             break
         common.append(parts[0])
     return "/".join(common)
+
+
+def _world_jobs(steps: Sequence[StepRecord]) -> list[str]:
+    """Returns the ids of generation jobs that made worlds, each of which has a contact sheet."""
+    return [
+        short_name(step.arn)
+        for step in steps
+        if step.operation == "CreateWorldGenerationJob" and step.arn and _made_worlds(step.output)
+    ]
+
+
+def _made_worlds(output: Mapping[str, Any]) -> bool:
+    finished = output.get("finishedWorldsSummary")
+    return is_mapping(finished) and bool(finished.get("succeededWorlds"))
 
 
 def _place(what: str, where: str) -> list[Cell]:

@@ -16,6 +16,7 @@ from .answers import Cell, print_lines
 def world_facts(found: FoundWorld) -> dict[str, Any]:
     """Collects facts about a world for JSON output; lengths in metres, areas in square metres."""
     from ....tasks.worldforge.proofs.guarantees import proof_lines, violations
+    from ....tasks.worldforge.proofs.standing_doors import rooms_behind_doors
 
     world = found.world
     proofs = [line._asdict() for line in proof_lines(world)]
@@ -39,7 +40,7 @@ def world_facts(found: FoundWorld) -> dict[str, Any]:
         "source": world.source and world.source.model_dump(mode="json"),
         "variation": world.variation and world.variation.model_dump(mode="json"),
         "appearance": world.appearance,
-        "closed_off_rooms": world.checks.closed_off_rooms if world.checks else [],
+        "closed_off_rooms": rooms_behind_doors(world),
         "content_sha256": found.content,
         "bundle": {
             "stored_at": found.stored_at,
@@ -131,6 +132,7 @@ _MARKS: dict[str, Cell] = {
     "holds": ("✓", "green"),
     "broken": ("✗", "bold red"),
     "not measured": ("?", "yellow"),
+    "warning": ("!", "yellow"),
     "": ("·", "dim"),
 }
 

@@ -151,6 +151,7 @@ def begin(
         spec_path=path,
         command=command,
         parameters=dict(spec.parameters),
+        worlds=dict(spec.found_worlds),
         rerun_of=rerun_of,
         key_id=key and key.id,
         address=visit.address,

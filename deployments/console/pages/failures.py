@@ -3,19 +3,20 @@
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from datetime import datetime
 from urllib.parse import urlencode
 
 from starlette.responses import Response
 
 from ....schemas.documents.simulation_jobs import JobInBrief
 from ....schemas.reports.run_record import CUT_SHORT, JobRecord, RunRecord
+from ....schemas.reports.run_states import mended_failures
+from ....schemas.specs.challenge_requests import is_sabotaged
 from ....tasks.catalog import Resource
 from ....tasks.comparison.compared_runs import TRIALS
 from ....tasks.inspection.run_records import is_night
 from ..job_states import JOB, JobLine, job_line, named_in_run
 from ..rendering import HOME
-from ..run_records import JobsInRuns, RecordOf, record_of, run_name
+from ..run_records import JobsInRuns, RecordOf, record_of, run_name, runs_in_need
 from ..visit import Visit
 
 _LOOKED_AT = 200
@@ -50,6 +51,16 @@ class FailureGroup:
     def is_past(self) -> bool:
         """Whether the newest run of the specification has no such failure any more."""
         return self.current == 0
+
+    is_mended: bool = False
+    """Whether the newest run's specification still has the known failure, which none of its judged jobs had."""
+
+    @property
+    def to_remove(self) -> str:
+        """Says that a known failure can be removed from its specification; empty if it cannot."""
+        if not (self.is_mended and self.is_past):
+            return ""
+        return "did not occur in the newest run; remove it from `known`"
 
     @property
     def is_without_run(self) -> bool:
@@ -86,41 +97,50 @@ def grouped(jobs: Iterable[Resource], record_of_run: RecordOf) -> list[FailureGr
     """Groups failures by specification and reason.
 
     Args:
-        jobs: Jobs, the newest first; those that did not fail are left out.
+        jobs: Jobs, the newest first; those that did not fail are left out, and those that a challenge has sabotaged,
+            which have to.
         record_of_run: Returns the record of a run by its id; `None` while it goes on, or where there is none.
     """
     in_runs = JobsInRuns(record_of_run)
     listed = [(job, JobInBrief.of(job).spec_run or "") for job in jobs]
     records = {run_id: in_runs.record_of(run_id) for _, run_id in listed if run_id}
     newest = _newest_nights(record for record in records.values() if record is not None)
+    mended = {name: tuple(map(str, mended_failures(record))) for name, record in newest.items()}
     found: dict[str, dict[tuple[str, str], list[tuple[JobLine, bool]]]] = {}
     for job, run_id in listed:
         line = job_line(job)
-        if not line.is_failure:
+        if not line.is_failure or is_sabotaged(job.tags):
             continue
         record, short = records.get(run_id), in_runs.find(job.arn, run_id)
         name = run_name(run_id, record) or NO_RUN
         known = short.known if short is not None else ""
-        is_past = record is not None and record.name in newest and record.started_at < newest[record.name]
+        is_past = record is not None and record.name in newest and record.started_at < newest[record.name].started_at
         reason = reason_of(line, job, short)
         found.setdefault(name, {}).setdefault((reason, known), []).append((named_in_run(line, short), is_past))
     return [
-        FailureGroup(name, reason, known, tuple(line for line, _ in lines), sum(not past for _, past in lines))
+        FailureGroup(
+            name,
+            reason,
+            known,
+            tuple(line for line, _ in lines),
+            sum(not past for _, past in lines),
+            bool(known) and known.startswith(mended.get(name, ())),
+        )
         for name, groups in found.items()
         for (reason, known), lines in groups.items()
     ]
 
 
-def _newest_nights(records: Iterable[RunRecord]) -> dict[str, datetime]:
-    """Returns when the newest run of each specification began of those that had all its jobs to their ends.
+def _newest_nights(records: Iterable[RunRecord]) -> dict[str, RunRecord]:
+    """Returns the newest run of each specification of those that had all its jobs to their ends.
 
     A rerun, the probe of a forecast, and a run that was cut short or stopped early say nothing of the other jobs.
     """
-    found: dict[str, datetime] = {}
+    found: dict[str, RunRecord] = {}
     for record in records:
         is_whole = record.state not in CUT_SHORT and not (record.against and record.against.stopped_early)
         if is_night(record) and is_whole:
-            found[record.name] = max(record.started_at, found.get(record.name, record.started_at))
+            found[record.name] = max(record, found.get(record.name, record), key=lambda each: each.started_at)
     return found
 
 
@@ -136,6 +156,8 @@ def reason_of(line: JobLine, job: Resource, record: JobRecord | None) -> str:
     if job.status == "Failed":
         return brief.failure_code or line.reason or job.status
     names = _missed(record) if record is not None else _MISSED.findall(brief.verdict_reason or "")
+    if record is None and TRIALS in names:  # what follows is about its trials
+        names = [TRIALS]
     if names == [TRIALS]:
         return _TRIALS_FAILED
     return ", ".join(dict.fromkeys(name.replace("_", " ") for name in names)) or line.reason or line.look.value
@@ -162,6 +184,7 @@ def show_all(visit: Visit) -> Response:
     return visit.page(
         "failures_page.html.j2",
         groups=groups,
+        in_need=runs_in_need(visit, lambda run_id: record_of(run_id, visit)),
         one=one,
         wanted=wanted,
         failures=jobs,

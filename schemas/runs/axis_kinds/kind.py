@@ -5,7 +5,7 @@ This module does not use MuJoCo: an axis changes numbers through a `Rig`.
 
 import re
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from math import isfinite
 from statistics import NormalDist
 from typing import Annotated, Any, ClassVar, Protocol, Self, get_args
@@ -186,8 +186,13 @@ def check_different(values: list[str]) -> list[str]:
         ValueError: A value occurs twice.
     """
     if twice := sorted({value for value in values if values.count(value) > 1}):
-        raise ValueError(f"values have to differ; {', '.join(map(repr, twice))} appears more than once")
+        raise ValueError(repeated_words(map(repr, twice)))
     return values
+
+
+def repeated_words(values: Iterable[str]) -> str:
+    """Makes the error text for values of an axis, as a user writes them, that it has more than once."""
+    return f"values have to differ; {', '.join(values)} appears more than once"
 
 
 AxisValue = Annotated[str, BeforeValidator(_as_text, json_schema_input_type=str | float), ShapeName("AxisValue")]

@@ -39,6 +39,7 @@ class GoalRequirement(RobotRequirement):
     more_members = "`after`: name of a goal above that has to be reached first"
     without_world = "give the goal as x and y"
     margins_compare = False  # seconds where it was reached, metres where it was not
+    unit_if_met = "s"
 
     kind: Literal["goal"] = Field(description="`goal`.")
     room: RoomName | None = optional("Room of the world that the robot's body has to be in.")

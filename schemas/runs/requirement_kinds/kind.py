@@ -42,6 +42,7 @@ STOP = "Whether the run ends as soon as it is violated"
 STOP_OR_REACHED = f"{STOP}, or once all goals that say so are reached; the verdict stands then."
 COUNTS_IN_NO_TRIAL = "counts in no trial; "
 """Beginning of the detail of a requirement of a job with trials that counted in none: goals ended each before it."""
+_MISSED_AT_START = "; it was missed before the robot moved, so nothing that it does could have met it here"
 _MAX_TEXT = 300
 """Maximum number of characters of an error or a reason in results."""
 
@@ -68,9 +69,18 @@ class Requirement(Model):
     limit: float | None = optional("The value asked for.")
     unit: str | None = optional("Unit of value, limit and margin: `m`, `N`, `s`.")
     margin: float | None = optional("How far the value is on the right side of the limit; negative: on the wrong one.")
+    trial: int | None = optional("Number of the trial with this value and margin; absent: of a single run.")
     first_violation_s: float | None = optional("Simulated time at which it was first found violated; absent: never.")
     room: str | None = optional("Room that the robot was in then; absent: in none, or it is not known.")
     other: str | None = optional("Thing that the robot touched then, or was too near to; absent: it is about none.")
+
+    @property
+    def margin_text(self) -> str:
+        """Margin with two significant digits or more, and its unit: `0.029 m`; empty without a margin."""
+        if self.margin is None or not math.isfinite(self.margin):
+            return ""
+        decimals = 1 - math.floor(math.log10(abs(self.margin))) if self.margin else 0
+        return f"{self.margin:.{max(decimals, 0)}f} {self.unit or ''}".rstrip()
 
     def is_aside(self, *, of_trials: bool) -> bool:
         """Returns whether nothing depends on the requirement: it is switched off, or does not count.
@@ -110,6 +120,8 @@ class RequirementKind(Shape):
     """Class of the rule that judges the requirement."""
     margins_compare: ClassVar[bool] = True
     """Whether margins of different runs have one unit, so that the smallest is the worst."""
+    unit_if_met: ClassVar[str | None] = None
+    """Unit of the margins of trials that met it, where those of others have another unit."""
 
     @staticmethod
     def names(kind: "type[RequirementKind]") -> tuple[str, ...]:
@@ -323,6 +335,8 @@ class Rule(ABC, Generic[Asked]):
     """Whether the requirement's goal is reached; `None`: the requirement has no goal."""
     blind: Blind | None = None
     """Distance below which the sensor measured nothing; `None`: there is no such distance."""
+    missed_at_start: bool = False
+    """Whether it was found violated before the robot moved."""
 
     def __init_subclass__(cls) -> None:
         kinds = [get_args(base)[0] for base in vars(cls).get("__orig_bases__", ()) if get_origin(base) is Rule]
@@ -432,7 +446,7 @@ class Rule(ABC, Generic[Asked]):
             name=name,
             kind=kind,
             satisfied=satisfied,
-            detail=self._detail(),
+            detail=self._detail() + (_MISSED_AT_START if self.missed_at_start else ""),
             value=_rounded(numbers.value),
             limit=numbers.limit,
             unit=numbers.unit,

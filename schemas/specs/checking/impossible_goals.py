@@ -15,25 +15,9 @@ from ...templates.body import TemplateRoom
 from ...templates.parsing import parse_template_body
 from ...wire.errors import InvalidParameterException, Problem, SpecError
 from ...wire.request_problems import Location, path_text
-from ..references import ReferenceMistake, parse_template
-from ..specification import FOR_EACH, CheckedSpec, CheckedStep, axes_of, for_each_of, variable_of
-from ..step_axes import AXES, VALUE
+from ..specification import CheckedSpec, CheckedStep
 from ..yaml_nodes import ListNode, MappingNode, Node, ScalarNode, child, node_at, plain, value_place
-
-_REQUESTS = "createSimulationJobRequests"
-_FARTHEST_M = 1e9
-"""Absolute coordinate beyond which a number is no position, and is reported elsewhere."""
-_WORLD: Location = ("simulationApplications", 0, "worldConfigs", 0, "world")
-
-
-@dataclass(frozen=True)
-class _Request:
-    """Request of a job, as written in the file."""
-
-    node: MappingNode
-    location: Location
-    sources: Mapping[str, Node]
-    """Source of the values of each variable, as written in the file."""
+from .written_requests import WORLD, WrittenRequest, asked_rooms, is_sound, only_name, written_requests
 
 
 @dataclass(frozen=True)
@@ -52,15 +36,15 @@ def room_problems(steps: Mapping[str, CheckedStep]) -> Iterator[Problem]:
         steps: Steps, whose inputs may have other problems.
     """
     for step in steps.values():
-        for request in _requests(step):
-            asked = dict(_asked(request))
-            rooms = _rooms(request, steps) if asked and _is_sound(request) else None
-            if rooms is None:
-                continue
-            names, start = rooms.names, rooms.start
-            wrong = {at: no_such_room(str(node.value), names) for at, node in asked.items() if node.value not in names}
-            if start is not None:
-                wrong |= _reached_at_start(request, start)
+        for request in written_requests(step):
+            asked = {at: node for at, node in asked_rooms(request) if "${{" not in str(node.value)}
+            wrong: dict[Location, str] = {}
+            for rooms in _rooms(request, steps) if asked and is_sound(request) else ():
+                names = rooms.names
+                wrong |= {
+                    at: no_such_room(str(node.value), names) for at, node in asked.items() if node.value not in names
+                }
+                wrong |= {} if rooms.start is None else _reached_at_start(request, rooms.start)
             for location, words in wrong.items():
                 yield Problem(asked[location].place, path_text((*step.location, *request.location, *location)), words)
 
@@ -76,51 +60,7 @@ def start_room(rooms: Sequence[TemplateRoom]) -> str | None:
     return None
 
 
-def _requests(step: CheckedStep) -> Iterator[_Request]:
-    if step.operation == "CreateSimulationJob" and isinstance(step.input, MappingNode):
-        yield _Request(step.input, (), {})
-    requests = child(step.input, _REQUESTS) if step.operation == "StartSimulationJobBatch" else None
-    if requests is not None and (construct := for_each_of(requests)) is not None:
-        made = child(construct, "value")
-        if isinstance(made, MappingNode):
-            yield _Request(made, (_REQUESTS, "value"), {variable_of(construct): construct.entries[FOR_EACH]})
-    elif requests is not None and (construct := axes_of(requests)) is not None:
-        made, axes = child(construct, VALUE), child(construct, AXES)
-        named = axes.entries.items() if isinstance(axes, MappingNode) else ()
-        sources = {name: values for name, axis in named if (values := child(axis, "values")) is not None}
-        if isinstance(made, MappingNode):
-            yield _Request(made, (_REQUESTS, VALUE), sources)
-    elif isinstance(requests, ListNode):
-        for index, item in enumerate(requests.items):
-            if isinstance(item, MappingNode):
-                yield _Request(item, (_REQUESTS, index), {})
-
-
-def _asked(request: _Request) -> Iterator[tuple[Location, ScalarNode]]:
-    """Yields the rooms that goals name, each with its location in the request."""
-    requirements = child(request.node, "requirements")
-    for index, item in enumerate(requirements.items if isinstance(requirements, ListNode) else []):
-        room = child(item, "room")
-        if isinstance(room, ScalarNode) and isinstance(room.value, str) and "${{" not in room.value:
-            yield ("requirements", index, "room"), room
-
-
-def _is_sound(request: _Request) -> bool:
-    """Returns whether all names and numbers in a request's requirements are valid; others are reported elsewhere."""
-    requirements = child(request.node, "requirements")
-    items = requirements.items if isinstance(requirements, ListNode) else ()
-    names = (child(item, member) for item in items for member in ("name", "after"))
-    numbers = (child(item, member) for item in items for member in ("x", "y", "within_m"))
-    return all(
-        each is None or (isinstance(each, ScalarNode) and isinstance(each.value, str)) for each in names
-    ) and all(each is None or (isinstance(each, ScalarNode) and abs(_number(each)) <= _FARTHEST_M) for each in numbers)
-
-
-def _number(node: ScalarNode) -> float:
-    return node.value if isinstance(node.value, int | float) else 0.0
-
-
-def _reached_at_start(request: _Request, start: str) -> dict[Location, str]:
+def _reached_at_start(request: WrittenRequest, start: str) -> dict[Location, str]:
     """Returns problems of goals in the room in which the robot starts, by location."""
     requirements = child(request.node, "requirements")
     if requirements is None or not starts_on_origin(plain(request.node)):
@@ -129,21 +69,22 @@ def _reached_at_start(request: _Request, start: str) -> dict[Location, str]:
     return {("requirements", index, member): words for index, member, words in found if member == "room"}
 
 
-def _rooms(request: _Request, steps: Mapping[str, CheckedStep]) -> _Rooms | None:
-    """Returns the rooms of the world that a request names; `None` if they cannot be determined from the file."""
-    world = node_at(request.node, _WORLD)
-    name = _referred(world) or ""
-    if name in request.sources:
-        name = _referred(request.sources[name]) or ""
-    generation = steps.get(name)
-    if generation is None or generation.operation != "CreateWorldGenerationJob":
-        return None
-    template = steps.get(_referred(child(generation.input, "template")) or "")
-    if template is None or template.operation != "CreateWorldTemplate":
-        return None
-    if any(step.operation == "UpdateWorldTemplate" for step in steps.values()):
-        return None  # what its body is by then is not asked
-    return _rooms_of_body(child(template.input, "templateBody"))
+def _rooms(request: WrittenRequest, steps: Mapping[str, CheckedStep]) -> Iterator[_Rooms]:
+    """Yields the rooms of the worlds that a request names, of each template that is written in the file."""
+    world = node_at(request.node, WORLD)
+    name = _referred(world)
+    sources = request.sources.get(name or "", () if world is None else (world,))
+    for generated in dict.fromkeys(map(_referred, sources)):
+        generation = steps.get(generated or "")
+        if generation is None or generation.operation != "CreateWorldGenerationJob":
+            continue
+        template = steps.get(_referred(child(generation.input, "template")) or "")
+        if template is None or template.operation != "CreateWorldTemplate":
+            continue
+        if any(step.operation == "UpdateWorldTemplate" for step in steps.values()):
+            continue  # what its body is by then is not asked
+        if (rooms := _rooms_of_body(child(template.input, "templateBody"))) is not None:
+            yield rooms
 
 
 def _rooms_of_body(body: Node | None) -> _Rooms | None:
@@ -160,23 +101,18 @@ def _rooms_of_body(body: Node | None) -> _Rooms | None:
 
 
 def _rooms_as_written(body: Node) -> _Rooms | None:
-    """Returns the rooms of a template body with other problems; `None` if not all of them are named."""
+    """Returns the rooms of a template body with other problems; `None` if not each of them has a name of its own."""
     rooms = node_at(body, ("Buildings", 0, "Floors", 0, "Floorplan", "Rooms"))
     names = [child(room, "Name") for room in rooms.items] if isinstance(rooms, ListNode) else []
     if not names or not all(isinstance(name, ScalarNode) and isinstance(name.value, str) for name in names):
         return None
-    return _Rooms([str(name.value) for name in names if isinstance(name, ScalarNode)])
+    known = [str(name.value) for name in names if isinstance(name, ScalarNode)]
+    return _Rooms(known) if len({*known}) == len(known) else None
 
 
 def _referred(node: Node | None) -> str | None:
-    """Returns the single step or variable to which a text refers; `None` otherwise."""
-    if not isinstance(node, ScalarNode) or not isinstance(node.value, str):
-        return None
-    try:
-        names = {name for reference in parse_template(node.value).references for name in reference.names()}
-    except ReferenceMistake:
-        return None
-    return names.pop() if len(names) == 1 else None
+    written = node.value if isinstance(node, ScalarNode) else None
+    return only_name(written) if isinstance(written, str) else None
 
 
 _COUNT = "worldCount"

@@ -6,13 +6,15 @@ itself are ignored.
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
 from ...operations.registry import STEPS, check_request
+from ...roles import LOCAL_ROLE
 from ...templates.body import WorldTemplateBody
 from ...templates.parsing import MAX_BODY_CHARACTERS, body_problems, unwrapped
+from ...wire.base import Shape
 from ...wire.errors import InvalidParameterException, Place, Problem
 from ...wire.json_values import is_object, load_strict
 from ...wire.request_problems import Location, RequestProblem, nearest, path_text
@@ -56,8 +58,13 @@ _VARIABLE = re.compile(r"\$\{\{\s*(\w+)\s*\}\}")
 """Pattern of a text that is the value of one variable."""
 _ANY_NAME = ""
 """Name in a scope that stands for a variable whose name is unknown."""
+_MADE_TWICE = (
+    "a list is made by forEach or by axes, not by both; to have both, make what forEach goes through an axis: "
+    'axes: {item: {values: "${{ step.list }}"}}'
+)
 _ROOMS: Location = ("Buildings", 0, "Floors", 0, "Floorplan", "Rooms")
 TEMPLATE_BODY = "templateBody"
+_ROLE = "iamRole"
 
 
 @dataclass
@@ -94,7 +101,7 @@ class InputCheck:
         """Collects a step's input's problems and the earlier steps that it refers to, in itself, which it returns."""
         model = None if self.operation is None else STEPS[self.operation].request
         self._respelling = respelt(self.node, model or Any, {TEMPLATE_BODY: WorldTemplateBody})
-        self.node = self._respelling.node
+        self.node = self._respelling.node if model is None else _with_role(self._respelling.node, model)
         for written in self._respelling.written:
             hint = f"unknown member; did you mean {json.dumps(written[-1])}?"
             if written[0] != TEMPLATE_BODY or len(written) == 1:
@@ -102,8 +109,8 @@ class InputCheck:
             self._report_at(written, hint, at_key=True)
         request = self._walk(self.node, (), model or Any, self.scope)
         if model is not None and is_object(request):
-            found = Rounds(model, self._checked, request, [*self._references]).run()
-            self.problems.extend(map(self._placed, found))
+            rounds = Rounds(model, self._checked, request, [*self._references])
+            self.problems.extend(self._placed(problem, rounds.guessed) for problem in rounds.run())
             if TEMPLATE_BODY in model.model_fields and TEMPLATE_BODY in request:
                 self._check_body(request[TEMPLATE_BODY])
         return self
@@ -193,6 +200,9 @@ class InputCheck:
             return ANYTHING
 
     def _for_each(self, construct: MappingNode, location: Location, annotation: Any, scope: Scope) -> Any:
+        if is_axes_location(location) and AXES in construct.entries:
+            self._report_at(location, _MADE_TWICE)
+            return self._unknown(location, annotation)
         problems = self._construct_problems(construct, scope)
         wanted = kind_of(annotation)
         if not isinstance(wanted, ListOf | Anything):
@@ -301,7 +311,7 @@ class InputCheck:
             for problem in check_request(operation, part.request)
         ]
 
-    def _placed(self, problem: RequestProblem) -> Problem:
+    def _placed(self, problem: RequestProblem, guessed: Set[Location]) -> Problem:
         written = as_written(self.node, problem.location)
         found = node_at(self.node, written)
         message = problem.message
@@ -310,7 +320,10 @@ class InputCheck:
             message += f"{hint}; the value is that of {found.source}"
         elif isinstance(found, ScalarNode) and not isinstance(found.value, str | None) and "has to be text" in message:
             message += f'; put it in quotes: "{found.source}"'
-        return Problem(place_of(problem, self.node, self.place), self._path(written), message)
+        place = place_of(problem, self.node, self.place)
+        if found is None and problem.location[:-1] in guessed:
+            place = value_place(self.node, (*written[:-1], KIND))  # told after the kind that it follows from
+        return Problem(place, self._path(written), message)
 
     def _check_body(self, body: Any) -> None:
         """Checks a template body that is written in the file, as a mapping or as JSON text, and reports its problems.
@@ -336,6 +349,16 @@ class InputCheck:
             else:
                 place = value_place(self.node, (TEMPLATE_BODY,))
                 self.problems.append(Problem(place, self._path(location), problem.message))
+
+
+def _with_role(node: Node, model: type[Shape]) -> Node:
+    """Returns a request with the role of jobs that are given none, where the operation requires one."""
+    member = model.model_fields.get(_ROLE)
+    if member is None or not member.is_required() or not isinstance(node, MappingNode) or _ROLE in node.entries:
+        return node
+    role = ScalarNode(node.place, LOCAL_ROLE, LOCAL_ROLE)
+    places = {**node.key_places, _ROLE: node.place}
+    return replace(node, entries={**node.entries, _ROLE: role}, key_places=places)
 
 
 def _inner(annotation: Any, key: str, value: Node) -> Any:

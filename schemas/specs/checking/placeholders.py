@@ -1,5 +1,6 @@
 """Placeholders for values that are unknown before a run, and fitting values for validation."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, get_args, get_origin
@@ -18,6 +19,7 @@ from ..reference_typing import (
     Kind,
     ListOf,
     MapOf,
+    Scalar,
     Structure,
     kind_of,
     without_none,
@@ -48,6 +50,7 @@ MOST_ATTEMPTS = max(len(filling.texts) for filling in FILLINGS)
 """Maximum number of values tried at a place, as rules may refuse values that the type allows."""
 
 
+_NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 _LIKE_KINDS = 0.7
 """Similarity of two kinds from which one is read as the other; kinds are short names, and there are few."""
 
@@ -144,6 +147,47 @@ def filled(value: Any, filling: Filling) -> Any:
     return value
 
 
+def examples_for(annotation: Any, words: Sequence[str]) -> list[Any] | None:
+    """Returns several values that fit an annotation, to see whether something depends on which it is.
+
+    Args:
+        annotation: Annotation of the value.
+        words: Further texts, or numbers as text, to take where the annotation allows texts or numbers.
+
+    Returns:
+        The values; `None` for mappings, and for lists of these: a few examples say little about the others.
+    """
+    kind = kind_of(annotation)
+    if isinstance(kind, ListOf):
+        items = examples_for(inner(annotation, 0), words)
+        made = None if items is None else [[each] for each in items]
+    else:
+        made = _scalars(annotation, kind, words) if isinstance(kind, Scalar) else None
+    return made and _fitting(annotation, made)
+
+
+def _scalars(annotation: Any, kind: Scalar, words: Sequence[str]) -> list[Any]:
+    numbers = [float(each) for each in words if _NUMBER.fullmatch(each)]
+    others: dict[Scalar, list[Any]] = {
+        TEXT: [*words],
+        NUMBER: numbers,
+        WHOLE_NUMBER: [int(each) for each in numbers],
+        BOOLEAN: [False],
+    }
+    examples = (_example(annotation, filling, attempt) for filling in FILLINGS for attempt in range(MOST_ATTEMPTS))
+    return [*examples, *others.get(kind, [])]
+
+
+def _fitting(annotation: Any, values: Sequence[Any]) -> list[Any]:
+    """Returns the values that fit an annotation, each once."""
+    adapter = TypeAdapter[Any](annotation)
+    fitting: list[Any] = []
+    for each in values:
+        if each not in fitting and _fits(each, adapter):
+            fitting.append(each)
+    return fitting
+
+
 def _example(annotation: Any, filling: Filling, attempt: int = 0) -> Any:
     """Returns a value that fits an annotation, if one is easily found; another one for each attempt, if possible."""
     if choices := choices_of(annotation):
@@ -161,7 +205,8 @@ def _example(annotation: Any, filling: Filling, attempt: int = 0) -> Any:
     if listed := _listed(annotation):
         return listed[0 if filling == FILLINGS[0] else -1]
     candidates = _candidates(kind, filling)
-    fitting = [each for each in candidates if _fits(each, annotation)] or [*candidates, None]
+    adapter = TypeAdapter[Any](annotation)
+    fitting = [each for each in candidates if _fits(each, adapter)] or [*candidates, None]
     return fitting[attempt % len(fitting)]
 
 
@@ -186,14 +231,14 @@ def _example_of_choice(choices: Mapping[str, type[BaseModel]], filling: Filling)
     models = list(choices.values())
     for model in models if filling == FILLINGS[0] else reversed(models):
         example = _example(model, filling)
-        if _fits(example, model):
+        if _fits(example, TypeAdapter(model)):
             return example
     return None
 
 
-def _fits(value: Any, annotation: Any) -> bool:
+def _fits(value: Any, adapter: TypeAdapter[Any]) -> bool:
     try:
-        TypeAdapter[Any](annotation).validate_python(value, strict=True)
+        adapter.validate_python(value, strict=True)
     except ValidationError:
         return False
     return True

@@ -56,7 +56,7 @@ def _respelt(
     tag = node.entries.get(KIND)
     annotation = chosen(annotation, tag.value if isinstance(tag, ScalarNode) else None)
     names = {**_names(node, annotation), **known}
-    meant = _meant(node, names, _required(annotation))
+    meant = _meant(node, names, _required(annotation) & names.keys())
     written.update({(*location, now): before for before, now in meant.items()})
     entries = {
         (name := meant.get(key, key)): _respelt(
@@ -72,16 +72,27 @@ def _names(node: MappingNode, annotation: Any) -> dict[str, Any]:
     kind = kind_of(annotation)
     if isinstance(kind, Structure):
         return {name: inner(annotation, name) for name in kind.model.model_fields}
-    if isinstance(kind, ListOf) and any(key == FOR_EACH or closest(FOR_EACH, [key]) for key in node.entries):
-        return {**dict.fromkeys(FOR_EACH_KEYS, Any), "value": inner(annotation, 0)}
-    if isinstance(kind, ListOf) and any(key == AXES or closest(AXES, [key]) for key in node.entries):
-        return {**{name: inner(StepAxes, name) for name in AXES_KEYS}, VALUE: inner(annotation, 0)}
-    return {}
+    names: dict[str, Any] = {}
+    if isinstance(kind, ListOf) and _has(node, AXES):
+        names = {**{name: inner(StepAxes, name) for name in AXES_KEYS}, VALUE: inner(annotation, 0)}
+    if isinstance(kind, ListOf) and _has(node, FOR_EACH):
+        names |= {**dict.fromkeys(FOR_EACH_KEYS, Any), VALUE: inner(annotation, 0)}
+    return names
+
+
+def _has(node: MappingNode, name: str) -> bool:
+    """Whether a mapping has a key, or one that is taken for it."""
+    return name in node.entries or closest(name, node.entries, _OF_REQUIRED) is not None
 
 
 def _required(annotation: Any) -> Set[str]:
-    """Returns the names of the required members of an annotated type; empty if it is no model."""
+    """Returns the names of the members that a value of a type cannot do without.
+
+    A mapping in place of a list has to say of what it makes the list, by `forEach` or by axes.
+    """
     kind = kind_of(annotation)
+    if isinstance(kind, ListOf):
+        return {FOR_EACH, AXES, VALUE}
     fields = kind.model.model_fields if isinstance(kind, Structure) else {}
     return {name for name, field_info in fields.items() if field_info.is_required()}
 

@@ -10,10 +10,23 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from pydantic.fields import FieldInfo
+
 from ...wire.json_values import is_list, is_object
 from ...wire.request_problems import LEAST_LIKENESS, Location, RequestProblem, closest
 from ..reference_typing import Scalar, Structure, kind_of
-from .placeholders import FILLINGS, KIND, MOST_ATTEMPTS, Placeholder, annotation_at, filled, meant_kind, value_at
+from .placeholders import (
+    FILLINGS,
+    KIND,
+    MOST_ATTEMPTS,
+    Placeholder,
+    annotation_at,
+    chosen,
+    examples_for,
+    filled,
+    meant_kind,
+    value_at,
+)
 
 _MOST_ROUNDS = 40
 """Maximum number of rounds. Each tries another value or replaces a value one level above the problem; requests are
@@ -51,8 +64,17 @@ class Rounds:
 
     problems: list[RequestProblem] = field(default_factory=list[RequestProblem])
 
+    guessed: set[Location] = field(default_factory=set[Location])
+    """Locations of mappings that are read as of another kind than they name, which was probably meant."""
+
     _blamed: set[Location] = field(default_factory=set[Location])
     """Locations of found problems, which may cause problems of rules."""
+
+    _wrong: set[Location] = field(default_factory=set[Location])
+    """Locations of the problems of this round, with the first values in place of placeholders."""
+
+    _tried: dict[tuple[object, Location], bool] = field(default_factory=dict[tuple[object, Location], bool])
+    """Whether a problem of a rule depends on the value at a location; it is tried once."""
 
     def run(self) -> list[RequestProblem]:
         """Returns all problems of the request, found in several rounds, each with those of the last put right."""
@@ -60,6 +82,7 @@ class Rounds:
             first, second = (self.validate(filled(self.request, filling)) for filling in FILLINGS)
             if not first or not second:
                 break  # all rules were asked
+            self._wrong = {each.location for each in first}
             certain = _in_both(first, second)
             fresh = [each for each in certain if self._is_fresh(each, is_first=number == 0)]
             self.problems.extend(fresh)
@@ -76,17 +99,60 @@ class Rounds:
         """Returns whether a problem is one of the request itself, and not caused by a placeholder."""
         if (self._is_unknown(problem) and not problem.about_key) or problem in self.problems:
             return False
-        return (
-            is_first
-            or not problem.is_rule
-            or not any(_is_due(problem, each) or self.follows_from(problem, each) for each in self._blamed)
-        )
+        if is_first or not problem.is_rule:
+            return True
+        due = (each for each in self._blamed if _is_due(problem, each) or self.follows_from(problem, each))
+        return not any(self._depends(problem, each) for each in due)
+
+    def _depends(self, problem: RequestProblem, blamed: Location) -> bool:
+        """Returns whether a problem of a rule is gone with another value at a location, as far as values can be tried.
+
+        A text only shows what a rule may have looked at: one that lists the names of axes has not read their values.
+        """
+        key = (_identity(problem), blamed)
+        if key not in self._tried:
+            tries = None if within(problem.location, blamed) else self._others(problem, blamed)
+            self._tried[key] = tries is None or any(self._mends(problem, *each) for each in tries)
+        return self._tried[key]
+
+    def _others(self, problem: RequestProblem, blamed: Location) -> list[tuple[Location, Any]] | None:
+        """Returns other values to try, with their locations, for that which was wrong; `None`: none is known."""
+        place = self._stand_in_of(blamed)
+        if isinstance(value_at(self.request, place), Placeholder):
+            places = [place]
+        else:
+            # An unknown member was removed, which may have meant any that is absent.
+            absent = self._absent(blamed[:-1])
+            places = [(*blamed[:-1], name) for name in ([blamed[-1]] if blamed[-1] in absent else absent)]
+        tried: list[tuple[Location, Any]] = []
+        for place in places:
+            examples = examples_for(annotation_at(self.model, self.request, place), _words(problem.message))
+            if examples is None:
+                return None
+            tried += ((place, each) for each in examples)
+        return tried or None
+
+    def _absent(self, location: Location) -> dict[str, FieldInfo]:
+        """Returns the members that a mapping at a location may have and does not have."""
+        parent = value_at(self.request, location)
+        if not is_object(parent):
+            return {}
+        kind = kind_of(chosen(annotation_at(self.model, self.request, location), parent.get(KIND)))
+        members = kind.model.model_fields if isinstance(kind, Structure) else {}
+        return {name: member for name, member in members.items() if name not in parent}
+
+    def _mends(self, problem: RequestProblem, place: Location, value: Any) -> bool:
+        """Returns whether a problem is gone with a value at a place, and nothing else is wrong because of the value."""
+        after = self.validate(filled(_changed(self.request, place, value), FILLINGS[0]))
+        is_sound = all(each.location in self._wrong for each in after)
+        return is_sound and _identity(problem) not in map(_identity, after)
 
     def _put_right(self, problem: RequestProblem) -> None:
         """Replaces an invalid value of a request by a placeholder that fits."""
         location = self._deepest(problem.location) if problem.is_rule else problem.location
         if not problem.is_rule and location[-1:] == (KIND,) and (kind := self._meant_kind(location)):
             self.request = _changed(self.request, location, kind)
+            self.guessed.add(location[:-1])
             return
         self._blamed.add(problem.location)
         if problem.about_key:
@@ -97,11 +163,7 @@ class Rounds:
     def _remove(self, location: Location) -> None:
         """Removes a member; the member that was probably meant becomes unknown."""
         self.request = _changed(self.request, location, None)
-        kind = kind_of(annotation_at(self.model, self.request, location[:-1]))
-        parent = value_at(self.request, location[:-1])
-        if not isinstance(kind, Structure) or not is_object(parent):
-            return
-        absent = {name: member for name, member in kind.model.model_fields.items() if name not in parent}
+        absent = self._absent(location[:-1])
         if near := closest(str(location[-1]), absent, LEAST_LIKENESS):
             self._blamed.add((*location[:-1], near))
             if absent[near].is_required():
@@ -173,6 +235,14 @@ def _is_due(problem: RequestProblem, blamed: Location) -> bool:
         return True  # rules about entries of a list tell them by their names
     ends = [blamed[start:] for start in range(len(blamed))]
     return any(within(end, named) or within(named, end) for named in _named(problem.message) for end in ends)
+
+
+_WORDS = re.compile(r"'([^']+)'|\"([^\"]+)\"|(-?\d+(?:\.\d+)?)")
+
+
+def _words(message: str) -> list[str]:
+    """Returns the values that a message has: texts in quotes, and numbers."""
+    return [next(filter(None, each)) for each in _WORDS.findall(message)]
 
 
 _PATH = re.compile(r"[A-Za-z_]\w*+(?:\.[A-Za-z_]\w*+|\[\d++\])*+")

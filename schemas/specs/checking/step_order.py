@@ -1,8 +1,10 @@
 """Order of steps by their dependencies, and circular dependencies."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from graphlib import TopologicalSorter
 from heapq import heappop, heappush
+from itertools import pairwise
 
 Graph = Mapping[str, Sequence[str]]
 """Steps in file order, each with the steps that have to end before it."""
@@ -30,11 +32,33 @@ def in_order(graph: Graph) -> tuple[str, ...]:
 def circles(graph: Graph) -> Iterator[list[str]]:
     """Yields circular dependencies of steps, each as a path that ends where it begins.
 
-    Removing the last edge of each path removes all circular dependencies.
+    Removing the last edge of each path removes all circular dependencies. Of circles with a common edge, which is
+    probably the mistake, one is told.
 
     Args:
         graph: Steps with their dependencies.
     """
+    left = graph
+    while found := list(_all_circles(left)):
+        removed: set[tuple[str, str]] = set()
+        counts = Counter(edge for path in found for edge in _edges(path))
+        for path in found:
+            edges = _edges(path)
+            if not removed.isdisjoint(edges):
+                continue
+            # Of edges that are in as many circles, the one that closes this circle.
+            place = max(range(len(edges)), key=lambda index: (counts[edges[index]], index))
+            removed.add(edges[place])
+            yield [*path[place + 1 : -1], *path[: place + 1], path[place + 1]]
+        left = {name: [each for each in needs if (name, each) not in removed] for name, needs in left.items()}
+
+
+def _edges(path: Sequence[str]) -> list[tuple[str, str]]:
+    return list(pairwise(path))
+
+
+def _all_circles(graph: Graph) -> Iterator[list[str]]:
+    """Yields a circle for each edge that leads back to a step on the way to it."""
     ended: set[str] = set()
     for start in graph:
         path: dict[str, Iterator[str]] = {} if start in ended else {start: iter(graph[start])}

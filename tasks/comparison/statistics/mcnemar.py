@@ -30,6 +30,11 @@ def mcnemar_p_value(worse: int, better: int) -> float:
     return min(1.0, 2.0 * float(bdtr(min(worse, better), worse + better, 0.5))) if worse + better else 1.0
 
 
+def fewest_pairs(alpha: float) -> int:
+    """Returns the smallest number of pairs that can show a difference: if all of them differ the same way."""
+    return math.ceil(1 - math.log2(alpha))
+
+
 def mcnemar_power(pairs: int, discordant: float, difference: float, alpha: float) -> float:
     """Computes the power of the exact McNemar test: the probability that it detects a difference of pass rates.
 

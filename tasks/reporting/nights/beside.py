@@ -12,15 +12,16 @@ from ....schemas.reports.report import ReportedFile
 from ....schemas.reports.run_record import JobRecord
 from ....schemas.runs.plan import Requirement, RunResult
 from ....schemas.runs.trial_rows import TRIALS_FOLDER
-from ....schemas.runs.trials import OF_ALL_TRIALS
+from ....schemas.runs.trials import OF_ALL_TRIALS, Trials
 from ....schemas.worlds.world import World
 from .. import outcomes
 from ..drawings import plan
 from ..drawings.svg_writing import Frame
 from ..drawings.two_paths import Goal, Miss, Way, draw_bare_paths, draw_two_paths
-from ..outcomes import Outcome
+from ..outcomes import Outcome, why_no_video_of_trial
 from ..worlds import read_world
-from .trials_beside import TrialsBeside
+from .changes import repro_command
+from .trials_beside import NOT_RUN, TrialsBeside
 
 _WHOLE, _CLIP = "video.mp4", "last-10s.mp4"
 
@@ -47,6 +48,14 @@ class Drive:
     """Number of the trial whose result and videos these are; `None`: they are the job's own."""
     folder: str = ""
     """Folder of the trial's files within the job's outputs, with a slash; empty for the job itself."""
+    trials: Trials | None = None
+    """Trials that the job's request orders; `None`: it has none."""
+    first_seed: int | None = None
+    """Seed of the job, and of its first trial; `None`: it is not known."""
+    trial_title: str = ""
+    """Name of the trial: `friction 0.4 (trial 17)`; empty for the job itself."""
+    trial_end: str = ""
+    """End of the trial in words, `passed`; empty for the job itself."""
     trouble: str = ""
     """Reason why the job or its world cannot be read, as a sentence; empty: they can, or there is no world."""
 
@@ -156,6 +165,7 @@ class PairPainter:
         rows: Sequence[RequirementBeside],
         drives: tuple[Drive, Drive],
         trials: TrialsBeside | None = None,
+        shown: int | None = None,
     ) -> PairView:
         """Makes the card of a pair.
 
@@ -166,6 +176,7 @@ class PairPainter:
             rows: The requirements of both.
             drives: Everything that the two jobs left, or one trial of each.
             trials: Trials that can be chosen; `None`: there are none.
+            shown: Number of the trial that the drives are of; `None`: they are those of the jobs.
         """
         before, after = (self._side(letter, job, drive) for letter, job, drive in zip("AB", jobs, drives, strict=True))
         drawing, note = self._plan(jobs, drives, title)
@@ -180,7 +191,7 @@ class PairPainter:
             rows=[RowView(row, *(_outcome_of(each, of_trials) for each in (row.before, row.after))) for row in rows],
             of_trials=of_trials,
             trials=trials,
-            trial=next((drive.trial for drive in drives if drive.trial is not None), None),
+            trial=shown,
             plan=drawing,
             note=note,
             end_s=max((_end_of(drive.result) for drive in drives), default=0.0) if drawing or before.film or after.film
@@ -287,17 +298,16 @@ def same_world(before: JobRecord, after: JobRecord) -> tuple[str | None, str]:
 
 def _missing_paths(jobs: Sequence[JobRecord], drives: Sequence[Drive]) -> str:
     """Returns which of the jobs have no path, as sentences; empty if both have one."""
-    if all(map(_has_trials, jobs)) and not any(drive.result and drive.result.path for drive in drives):
+    if all(map(_has_trials, jobs)) and not any(drive.trial_end for drive in drives):
         return "Both have trials; the page of a job shows the path of each that was recorded."
     told = []
     for letter, job, drive in zip("AB", jobs, drives, strict=True):
         if drive.result is not None and drive.result.path:
             continue
-        if drive.trial is not None and not drive.files:
-            told.append(
-                f"{letter} did not record trial {drive.trial}: `robomaker repro {job.label} --trial {drive.trial}` "
-                f"runs it again."
-            )
+        if drive.trial_end in NOT_RUN:
+            told.append(f"{letter} {drive.trial_end}: {drive.trial_title}.")
+        elif drive.trial is not None and not drive.files:
+            told.append(f"{letter} did not record {drive.trial_title}{_since_passed(drive)}: {_rerun(job, drive)}.")
         elif _has_trials(job) and drive.trial is None:
             told.append(f"{letter} has trials, and recorded none of them.")
         else:
@@ -315,11 +325,24 @@ def _why_no_world(drives: Sequence[Drive]) -> str:
     return next((drive.trouble for drive in drives if drive.trouble), "The world is deleted, so that no plan is drawn.")
 
 
+def _since_passed(drive: Drive) -> str:
+    return ", as it passed" if drive.trial_end == "passed" else ""
+
+
+def _rerun(job: JobRecord, drive: Drive) -> str:
+    return f"`{repro_command(job.label, drive.trial)}` runs it again with a recording and a video"
+
+
 def _why_no_video(drive: Drive, outcome: Outcome) -> str:
-    if drive.trial is not None:
-        return f"There is no video of trial {drive.trial}{'' if drive.files else ': it was not recorded'}."
+    if drive.trial_end in NOT_RUN:
+        return f"No video: the job {drive.trial_end}."
+    if drive.trial is not None and not drive.files:
+        return f"No video: the trial was not recorded{_since_passed(drive)}."  # the plan's note has the command
     if drive.result is not None and (problem := drive.result.extra.get("video_error")):
         return f"No video: {outcomes.plain(str(problem))}."
+    if drive.trial is not None:
+        verdict = drive.result.verdict if drive.result is not None else ""
+        return f"No video: {why_no_video_of_trial(drive.video_policy, verdict)}."
     if drive.video_policy == "on-failure" and not outcome.is_failure:
         return "No video: it was asked for failures only (on-failure)."
     if drive.video_policy == "none":

@@ -119,6 +119,8 @@ def _line(nights: Sequence[Night]) -> Markup:
 def _column(night: Night, index: int, count: int) -> list[Markup]:
     x, foot, share = _place(index, count), HEIGHT - _BOTTOM, night.success
     parts = [element("line", class_="mark", x1=x, y1=_TOP, x2=x, y2=foot)] if night.changed else []
+    if night.is_taken_over:
+        return [*parts, element("circle", class_="taken", cx=x, cy=foot - 5, r=4)]
     if share.rate is None:
         return [*parts, element("path", class_="none", d=f"M{number(x - 4)} {number(foot - 9)}l8 8m0 -8l-8 8")]
     radius = max(2.0, min(5.0, 120 / count))

@@ -4,7 +4,8 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from ....schemas.reports.comparison import Comparison, MetricChange
+from ....schemas.reports.changes import MetricChange
+from ....schemas.reports.comparison import Comparison
 from ....schemas.reports.run_record import JobRecord
 from .. import outcomes
 from ..outcomes import Outcome

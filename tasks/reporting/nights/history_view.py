@@ -9,6 +9,8 @@ from markupsafe import Markup
 
 from ....schemas.reports.history import CellHistory, History, Night, SharesByNight
 from ....schemas.reports.run_record import interrupted_briefly
+from ....schemas.trial_copies import COPIES
+from ....schemas.wire.common import passed_of
 from .. import outcomes
 from ..outcomes import Outcome
 from .changes import change_in_words
@@ -28,8 +30,9 @@ class NightView:
     outcome: Outcome
     changed: str
     remark: str
-    """Share that was judged of a run cut short, number of the run's processes that died, and its comparison with an
-    earlier run; empty if there is nothing to say.
+    """Share that was judged of a run cut short, why it was refused, numbers of jobs that took over results or failed as
+    known, number of the run's processes that died, and its comparison with an earlier run; empty if there is nothing to
+    say.
     """
 
 
@@ -71,6 +74,14 @@ class HistoryPage:
         return self.nights[0]
 
     @property
+    def copies(self) -> str:
+        """Legend of the numbers of copies in its tables; empty: there are none."""
+        rates = (rate.shares.total for rate in (*self.world_rates, *self.requirement_rates))
+        nights = (view.night.success for view in self.nights)
+        shares = (*rates, *nights, *(cell.history.success for cell in self.cells))
+        return COPIES.capitalize() if any(share.copies for share in shares) else ""
+
+    @property
     def failing(self) -> list[CellView]:
         """Jobs that fail in the latest run."""
         return [cell for cell in self.cells if cell.history.since is not None]
@@ -104,21 +115,21 @@ def view_history(history: History, folder: Path) -> HistoryPage:
 
 
 def _headline(history: History) -> str:
-    """Returns the headline: `3 runs; 18 of 20 passed in the last one`."""
+    """Returns the headline: `3 runs; 18 of 20 jobs passed in the last one`."""
     count, share = len(history.nights), history.nights[-1].success
     runs = f"{count} {'run' if count == 1 else 'runs'}"
-    if share.rate is None:
-        return f"{runs}; nothing was judged in the last one"
+    if history.nights[-1].refusal:
+        return f"{runs}; the last one was refused before its first step"
+    if history.nights[-1].step_error and not history.nights[-1].jobs:
+        return f"{runs}; the last one made no jobs"
+    if history.nights[-1].is_taken_over:
+        return f"{runs}; the last one took over all results of earlier ones"
     if cut_short := history.nights[-1].cut_short:
         return f"{runs}; the last one was {cut_short}, {share.passed} passed"
+    if share.rate is None:
+        return f"{runs}; nothing was judged in the last one"
     broke = f", {share.errors} broke" if share.errors else ""
-    return f"{runs}; {_passed(history.nights[-1])} in the last one{broke}"
-
-
-def _passed(night: Night) -> str:
-    """Returns the number of passed jobs or trials of a run: `18 of 20 passed`."""
-    of = f"{night.success.passed} of {night.success.passed + night.success.failed}"
-    return f"{of} {'passed' if night.trials == night.jobs else 'trials passed'}"
+    return f"{runs}; {history.nights[-1].passed_in_words} in the last one{broke}"
 
 
 def _view_night(night: Night, folder: Path) -> NightView:
@@ -129,15 +140,20 @@ def _view_night(night: Night, folder: Path) -> NightView:
     outcome = states.get(night.state, Outcome.CANCELED if night.state == "canceled" else Outcome.UNFINISHED)
     changed = ", ".join(map(change_in_words, night.changed))
     judged = night.cut_short.partition(", ")[2]
-    remark = "; ".join(filter(None, [judged, interrupted_briefly(night.interruptions), night.against]))
+    died = interrupted_briefly(night.interruptions)
+    told = filter(None, [judged, night.why_broken, night.jobs_in_words, died, night.against])
+    remark = "; ".join(told)
     return NightView(night, link, outcome, changed, remark)
 
 
 def _title(view: NightView) -> str:
     share = view.night.success
-    rate = "nothing judged" if share.rate is None else _passed(view.night)
+    judged = "judged job" if view.night.trials == view.night.jobs else "judged trial"
+    told = "nothing judged" if share.rate is None else passed_of(share.passed, share.passed + share.failed, judged)
+    told = view.night.cut_short or told
+    told = view.night.why_broken or (view.night.jobs_in_words if view.night.is_taken_over else told)
     changed = f"\nchanged: {view.changed}" if view.changed else ""
-    return f"{outcomes.moment(view.night.started_at)}: {rate}{changed}"
+    return f"{outcomes.moment(view.night.started_at)}: {told}{changed}"
 
 
 def _view_cell(cell: CellHistory) -> CellView:

@@ -57,6 +57,7 @@ class RemoteAgent:
         robot: str,
         simulated_time: Callable[[int], float],
         control_timestep_s: float | None = None,
+        time_limit_s: float | None = None,
         keep: Callable[[bytes], None] | None = None,
     ) -> None:
         """Takes over the connection to a robot program after the handshake.
@@ -69,6 +70,7 @@ class RemoteAgent:
             robot: Name of the robot application, for error messages.
             simulated_time: Function that returns the simulated time in seconds of a step number; NaN if unknown.
             control_timestep_s: Simulated seconds of a step; required in free mode.
+            time_limit_s: Simulated time at which the environment ends its run; None if it has no such limit.
             keep: Called with each action that the environment gets, encoded as in the message.
         """
         self._link = link
@@ -88,6 +90,9 @@ class RemoteAgent:
         self._acted_at = 0
         """Number of the observation at which the newest action arrived."""
         self._waited_s = 0.0
+        self._left_at_s: float | None = None
+        """Simulated time at which the program closed the connection without a message; None: it has not."""
+        self._time_limit_s = time_limit_s
 
     def __call__(self, timestep: dm_env.TimeStep) -> Any:
         """Sends the observation to the robot program, and returns its action.
@@ -109,6 +114,7 @@ class RemoteAgent:
         except Stopped:
             raise RunStopped from None
         except Closed:
+            self._left_at_s = self._simulated_time(self._number)
             raise StopIteration from None
         except RobotProgramError:
             raise
@@ -131,7 +137,15 @@ class RemoteAgent:
             about["real_time_factor_asked"] = self._hello.real_time_factor
         elif self._actions:
             about["mean_answer_us"] = round(1e6 * self._waited_s / self._actions, 1)
-        return Findings(extra={"agent": about}, notes=self._silence_warning())
+        return Findings(extra={"agent": about}, notes=[*self._silence_warning(), *self._departure()])
+
+    def _departure(self) -> list[str]:
+        """Returns a note if the program left without a word, as one does that ends by mistake; else an empty list."""
+        if self._left_at_s is None:
+            return []
+        limit = f" of {self._time_limit_s:g} s" if self._time_limit_s else " s"
+        when = f"at {self._left_at_s:.1f}{limit}" if math.isfinite(self._left_at_s) else f"in step {self._number + 1}"
+        return [f"the robot program left {when} without sending END, which ended the run"]
 
     def _silence_warning(self) -> list[str]:
         """Returns a warning if a robot in free mode sent no action for most of the run, as a hanging program does.
@@ -331,6 +345,7 @@ class RemoteRobot(Observer):
             robot=self._robot,
             simulated_time=_simulated_time(environment, timestep_s),
             control_timestep_s=timestep_s,
+            time_limit_s=getattr(environment, "time_limit_s", None),
             keep=self._keeper.keep,
         )
         return self._agent

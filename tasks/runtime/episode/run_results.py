@@ -62,6 +62,15 @@ class ReportingEnvironment(Protocol):
         ...
 
 
+@runtime_checkable
+class NotingAgent(Protocol):
+    """Interface of an agent that tells by `run_notes` what a person should know of its run."""
+
+    def run_notes(self) -> list[str]:
+        """Returns notes to show beside the verdict, one line each; it is called once, after the last step."""
+        ...
+
+
 @dataclass(frozen=True)
 class Findings:
     """Results that an observer of the run contributes to `result.json`."""
@@ -156,6 +165,9 @@ class Episode:
     none.
     """
 
+    notes: Sequence[str] = ()
+    """Notes of the agent, shown with the verdict."""
+
     records_itself: bool = False
     """Whether the environment records its clock and joints itself, so that the runtime does not."""
 
@@ -186,6 +198,18 @@ def read_report(environment: object) -> EnvironmentReport:
     return report
 
 
+def read_notes(agent: NotingAgent) -> list[str]:
+    """Asks an agent for its notes on the run, checks them, and returns them.
+
+    Raises:
+        TypeError: They are no list of text.
+    """
+    notes: object = agent.run_notes()
+    if not isinstance(notes, list) or not all(isinstance(note, str) for note in notes):
+        raise TypeError(f"agent.run_notes() returned {repr(notes)[:80]}; it has to return a list of text")
+    return [" ".join(note.split()) for note in notes]
+
+
 def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) -> RunResult:
     """Makes the content of `result.json` from the environment's report and all measurements.
 
@@ -203,7 +227,7 @@ def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) 
     metrics = dict(report.metrics)
     remarks = dict(report.extra)
     added = _switched_off([item for finding in findings for item in finding.requirements], report)
-    notes = [*report.notes, *(note for finding in findings for note in finding.notes)]
+    notes = [*report.notes, *episode.notes, *(note for finding in findings for note in finding.notes)]
     told = [item for item in added if item.error != NOT_READ]  # the others are judged when the recording is read
     reached = _ended_at_its_goals(episode, [item for item in told if item.kind != "off"])
     off = {item.name for item in added if item.kind == "off"}

@@ -86,7 +86,9 @@ def program_logs(program: str) -> tuple[str, str]:
     return f"{stem}.{STDOUT_LOG}", f"{stem}.{STDERR_LOG}"
 
 
-def log_tail(output_dir: Path, program: str | None = None) -> tuple[str, list[str]]:
+def log_tail(
+    output_dir: Path, program: str | None = None, sizes: tuple[int, int] | None = None
+) -> tuple[str, list[str]]:
     """Returns the name of the log that explains a failure best, and its last lines without colour codes.
 
     That is the error log, or the output log if the error log is empty.
@@ -94,23 +96,26 @@ def log_tail(output_dir: Path, program: str | None = None) -> tuple[str, list[st
     Args:
         output_dir: The run's output folder.
         program: Name of one of the run's programs; None: the run's own process.
+        sizes: Bytes of the logs of output and errors that count; None: all.
     """
+    most_output, most_errors = sizes if sizes is not None else (None, None)
     stdout, stderr = program_logs(program) if program else (STDOUT_LOG, STDERR_LOG)
-    name, lines = stderr, _last_lines(output_dir / LOG_FOLDER / stderr)
+    name, lines = stderr, _last_lines(output_dir / LOG_FOLDER / stderr, most_errors)
     if not lines:
-        name, lines = stdout, _last_lines(output_dir / LOG_FOLDER / stdout)
+        name, lines = stdout, _last_lines(output_dir / LOG_FOLDER / stdout, most_output)
     return f"{LOG_FOLDER}/{name}", lines
 
 
-def _last_lines(path: Path) -> list[str]:
+def _last_lines(path: Path, most: int | None) -> list[str]:
     try:
         # The application may have put a link or a FIFO there: neither is followed or waited for.
         with os.fdopen(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as log:
             if not stat.S_ISREG(os.fstat(log.fileno()).st_mode):
                 return []
             size = log.seek(0, os.SEEK_END)
-            log.seek(max(0, size - _TAIL_BYTES))
-            data = log.read(_TAIL_BYTES)
+            size = size if most is None else min(size, most)
+            place = log.seek(max(0, size - _TAIL_BYTES))
+            data = log.read(size - place)
     except OSError:
         return []
     lines = data.decode(errors="replace").splitlines()

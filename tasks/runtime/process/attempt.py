@@ -66,10 +66,19 @@ def log_failure(error: BaseException) -> None:
     """Writes an error's traceback, from the application's code on, to standard error; a failure to do so is ignored."""
     trace = _without_runtime(error.__traceback__)
     with suppress(Exception):  # the disk may be full, and the application may have closed or replaced the stream
-        if isinstance(error, _SAY_ALL) and error.__cause__ is None:
+        if isinstance(error, _SAY_ALL) and _is_told_whole(error):
             sys.stderr.write(f"{error}\n")
         else:
             traceback.print_exception(type(error), error, trace)
+
+
+def _is_told_whole(error: BaseException) -> bool:
+    """Returns whether an error has no cause whose traceback would help, as one in an application's code would."""
+    if error.__cause__ is None:
+        return True
+    frames = traceback.extract_tb(error.__traceback__)
+    # What this package says of a file, such as robot.yaml, has the words of its cause.
+    return isinstance(error, LaunchError) and frames[-1].filename.startswith(f"{_RUNTIME_FOLDER}{os.sep}")
 
 
 def report_of(error: BaseException, progress: Progress) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from typing import Any
+from typing import Any, cast
 
 import dm_env
 import numpy as np
@@ -13,7 +13,15 @@ from ..episode.context import ActionError, ObservationError
 from ..episode.health import PhysicsHealth
 from ..episode.physics import raw_physics
 from ..episode.progress import Phase, RunEnded, RunStopped, Stop, unanswered
-from ..episode.run_results import EnvironmentReport, Episode, Observer, ReportingEnvironment, read_report
+from ..episode.run_results import (
+    EnvironmentReport,
+    Episode,
+    NotingAgent,
+    Observer,
+    ReportingEnvironment,
+    read_notes,
+    read_report,
+)
 from ..recording.recording import Recorder
 from ..recording.state_series import STATE_RATE_HZ, StateSeries, hinges_and_slides
 from ..states.checkpoints import Checkpointer, LoopState, RunParts
@@ -88,6 +96,7 @@ def run_episode(
     health = health or PhysicsHealth()
     loop = _Loop(mark, stop, wall_clock, health, count_step)
     environment: dm_env.Environment | None = None
+    agent: Agent | None = None
     try:
         mark(Phase.MAKE_ENVIRONMENT)
         environment = make_environment()
@@ -116,7 +125,7 @@ def run_episode(
     except Exception as error:
         loop.annotate(error)
         raise
-    return loop.finish(environment, watchers, keep_open=keep_open)
+    return loop.finish(environment, agent, watchers, keep_open=keep_open)
 
 
 class _Loop:
@@ -206,19 +215,34 @@ class _Loop:
             time_s = self._clock.time_s
             error.add_note(f"in step {self._steps + 1}" + (f", at {time_s:.3f} s simulated" if time_s else ""))
 
+    def _notes_of(self, agent: Agent | None) -> list[str]:
+        """Returns what an agent says of its run; an error in that takes nothing from the run, which has ended."""
+        if self.interrupted is not None or not callable(getattr(agent, "run_notes", None)):
+            return []
+        try:
+            return read_notes(cast("NotingAgent", agent))
+        except Exception as error:
+            return [f"no notes of the agent: its run_notes raised {type(error).__name__}: {error}"]
+
     def finish(
-        self, environment: dm_env.Environment | None, watchers: Sequence[Any] = (), *, keep_open: bool
+        self,
+        environment: dm_env.Environment | None,
+        agent: Agent | None,
+        watchers: Sequence[Any],
+        *,
+        keep_open: bool,
     ) -> Episode:
-        report = EnvironmentReport()
+        report, notes = EnvironmentReport(), list[str]()
         if environment is not None:
-            self._mark(Phase.REPORT)
             try:
+                self._mark(Phase.REPORT)
                 for watcher in watchers:
                     if hasattr(watcher, "last_look") and self.ended_by != "canceled":
                         watcher.last_look(environment)
                 report = read_report(environment)
                 if not keep_open:
                     environment.close()
+                notes = self._notes_of(agent)
             except RunStopped as stopped:
                 self.interrupted = self.interrupted or stopped.phase
             except Exception:
@@ -230,7 +254,7 @@ class _Loop:
         is_cut = self.interrupted is not None and self._stop.reason == RunStop.DURATION_LIMIT
         silence = unanswered(self.interrupted, self._steps, time_s) if is_cut and self.interrupted else ""
         records = bool(getattr(environment, "records_itself", False))
-        return Episode(self.ended_by, report, self._steps, time_s, self._wall_time_s, judges, silence, records)
+        return Episode(self.ended_by, report, self._steps, time_s, self._wall_time_s, judges, silence, notes, records)
 
 
 def _has_bad_numbers(action: Any) -> bool:

@@ -233,6 +233,8 @@ class _Check:
             self.look(time_s)
             if not was_violated and self.rule.violated_s is not None:
                 self._set_room()
+                # The robot of a recording may drive already where that begins.
+                self.rule.missed_at_start = time_s == 0 and self._room_of is not None
 
     def note_room(self) -> None:
         """Sets the room of a requirement that is missed at the end of the run only, such as a goal."""

@@ -173,6 +173,9 @@ class Robot:
     ros: Mapping[str, Any] = field(default_factory=dict)
     """Options of the ROS bridge from the robot's `robot.yaml`; see `RosOptions`."""
 
+    warnings: Sequence[str] = ()
+    """Sentences about the robot's `robot.yaml` that a person should know beside a verdict."""
+
     is_differential: bool = False
     """Whether `joints` are one wheel on the left and one on the right, which the observation `wheel_velocity` has."""
 

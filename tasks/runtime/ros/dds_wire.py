@@ -11,6 +11,8 @@ from .wire import Command, Peers, Topic
 TWIST, TWIST_STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
 """ROS types of velocity commands. In DDS one topic name with two types is two topics, so that each has a subscriber."""
 
+_OF_ALL_NODES = ("/rosout", "/parameter_events")
+"""Topics that each node of ROS 2 publishes, unless it is told to leave out one of them."""
 _NO_NUMBERS = (math.nan, math.nan, math.nan)
 
 
@@ -87,6 +89,7 @@ class DdsWire:
             heard=frozenset(topic for topic, writer in self._writers.items() if writer.readers),
             commanders=sum(reader.writers for _, reader in self._readers),
             mistyped=others,
+            has_ros_nodes=any(each.topic in _OF_ALL_NODES for each in publications),
         )
 
     def close(self) -> None:

@@ -231,6 +231,7 @@ class RosAgent:
         self._left_at_s: float | None = None
         self._peers = Peers()
         self._most_commanders = 0
+        self._has_ros_nodes = False
         self._heard: frozenset[str] = frozenset()
         self._goal: tuple[float, float] | None = None
         self._visited: Any = None
@@ -256,6 +257,9 @@ class RosAgent:
         try:
             command = self._timing.next_command(time_s, scanned="/scan" in published or not self._has_lidar)
         except TimerNodeError as error:
+            if not self._commands:  # advice on how to answer would mislead: none of them answers at all
+                self._note_peers(self._wire.peers())
+                raise self.silent() from None
             raise LaunchError(f"the nodes of robot application {self._robot}: {error}", _CRASH) from None
         if command is not None:
             self._take(command, time_s)
@@ -273,16 +277,20 @@ class RosAgent:
 
     def silent(self) -> LaunchError:
         """Returns, without raising it, the error about ROS nodes that sent no commands."""
-        return LaunchError(
+        mistyped = [f"; one publishes {topic} with {kind}" for topic, kind in self._peers.mistyped.items()]
+        said = (
             f"the nodes of robot application {self._robot} sent no command on {self._command_topic} in "
-            f"{self._time_s:.2f} s of simulated time; topics that they listen to: "
-            f"{', '.join(sorted(self._heard)) or 'none'}",
-            _UNHEALTHY,
+            f"{self._time_s:.2f} s of simulated time"
+            if self._most_commanders
+            else f"no node of robot application {self._robot} publishes geometry_msgs/Twist or TwistStamped on "
+            f"{self._command_topic}{''.join(mistyped)}"
         )
+        topics = ", ".join(sorted(self._heard)) or "no topic of the simulation"
+        return LaunchError(f"{said}; the nodes listen to {topics}", _UNHEALTHY)
 
     def findings(self) -> Findings:
         """Returns figures about the exchange with ROS nodes, and notes on its defects, for the run's result."""
-        self._heard |= self._wire.peers().heard  # lock-step may take all its steps between two looks
+        self._note_peers(self._wire.peers())  # lock-step may take all its steps between two looks
         about: dict[str, Any] = {
             "wire": self._wire.name,
             "time": self._options.time,
@@ -297,7 +305,8 @@ class RosAgent:
                 f"the nodes sent {counted(self._commands, 'command')} for {counted(self._steps, 'step')}, and none "
                 f"after step {self._acted_at}: the robot stood still"
             ] = None
-        if self._commands and self._clock_topic is not None and self._clock_topic not in self._heard:
+        is_deaf = self._has_ros_nodes and self._clock_topic is not None and self._clock_topic not in self._heard
+        if self._commands and is_deaf:
             self._notes[
                 "no node subscribed /clock: nodes that should follow simulated time need use_sim_time set to true"
             ] = None
@@ -336,12 +345,11 @@ class RosAgent:
         now_s = self._clock()
         if now_s - self._looked_at_s < _LOOK_S and self._steps > 1:
             return
-        self._looked_at_s, self._peers = now_s, self._wire.peers()
-        self._heard |= self._peers.heard
+        self._looked_at_s = now_s
+        self._note_peers(self._wire.peers())
         # In lock-step the first message that is heard has to be answered.
         self._recorder.note_heard(self._peers.heard, spares=not isinstance(self._timing, Lockstep))
         count = self._peers.commanders
-        self._most_commanders = max(self._most_commanders, count)
         if count > 1:
             self._notes[f"{count} nodes publish {self._command_topic} at once: the newest command is taken"] = None
         for topic, kind in self._peers.mistyped.items():
@@ -356,6 +364,12 @@ class RosAgent:
         if now_s - self._left_at_s >= _RETURN_S:
             self._notes[f"all publishers of {self._command_topic} had left by {time_s:.2f} s of simulated time"] = None
             raise StopIteration
+
+    def _note_peers(self, peers: Peers) -> None:
+        self._peers = peers
+        self._heard |= peers.heard
+        self._has_ros_nodes |= peers.has_ros_nodes
+        self._most_commanders = max(self._most_commanders, peers.commanders)
 
     def _publish_mission(self, timestep: dm_env.TimeStep, time_s: float) -> None:
         seen = timestep.observation

@@ -84,14 +84,21 @@ def _beside(path: str) -> Iterable[str]:
 
 def _worth_showing(paths: Iterable[str]) -> list[Path]:
     """Returns those of some paths that exist, sorted, without system folders and wide ones such as `/tmp`."""
-    home = os.path.expanduser("~")
-    foreign = {*_FOREIGN, home, os.path.realpath(home)}
     system = tuple(f"{path}/" for path in _SYSTEM)
     return [
         Path(path)
-        for path in sorted(set(paths) - foreign)
-        if os.path.exists(path) and not f"{path}/".startswith(system) and os.path.realpath(path) not in foreign
+        for path in sorted(set(paths))
+        if os.path.exists(path)
+        and not f"{path}/".startswith(system)
+        and not is_wide(path)
+        and not is_wide(os.path.realpath(path))
     ]
+
+
+def is_wide(folder: str | Path) -> bool:
+    """Returns whether a folder holds much else, as `/tmp` and home folders do, so that no run sees all of it."""
+    home = os.path.expanduser("~")
+    return str(folder) in {*_FOREIGN, home, os.path.realpath(home)}
 
 
 def ordered(sights: Iterable[Sight]) -> list[Sight]:

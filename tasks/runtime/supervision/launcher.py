@@ -36,6 +36,7 @@ from .ros_topics import join_ros_topics
 from .run_outcomes import Exit, Outcome, attribute_disk_use, decide_outcome, never_connected, was_killed
 from .run_requests import DEFAULT_VARIABLES, Cores, inherited_environment, make_request, plan_box, program_environment
 from .stop_monitor import OnTrials, StopMonitor
+from .unseen_programs import unseen_programs
 
 _WARM_UP_TIMEOUT_S = 120.0
 _START_TIMEOUT_S = 30.0
@@ -125,10 +126,10 @@ class Launcher:
         note_screens(plan)
         if plan.found is None:  # a run that goes on from a checkpoint knows
             plan = plan.model_copy(update={"found": found_files(plan)})
-        crash = _FirstCrash(plan, on_crash)
         left_s = max(0.0, plan.max_duration_s - wall_time_used_s(plan))  # an earlier attempt may have been killed
         with self._cores.taken(plan.compute.cpus) as cores:
             request = adjust(make_request(plan, cores, self._box()))
+            crash = _FirstCrash(request, on_crash)
             # Closing this end of the connection, for any reason, kills the run.
             with self._connect() as channel:
                 _begin(channel, request)
@@ -141,7 +142,7 @@ class Launcher:
         on_stopped()
         if ended is not None and stopped_for is None:
             ended = attribute_disk_use(ended, plan)
-        decided = crash.outcome(stopped_for) or decide_outcome_with_log(ended, stopped_for, plan)
+        decided = crash.outcome(stopped_for) or decide_outcome_with_log(ended, stopped_for, request)
         if was_killed(ended, stopped_for) and try_again():
             return RunOutcome(**asdict(decided), started_at=started_at, ended_at=ended_at, was_killed=True)
         decided, finished = finish_outputs(plan, ended, decided, (started_at, ended_at))
@@ -252,14 +253,14 @@ def _end_server(process: "subprocess.Popen[bytes]", control: socket.socket) -> N
 class _FirstCrash:
     """Outcome of the first crash of a program in a run that goes on nevertheless; later crashes change nothing."""
 
-    def __init__(self, plan: RunPlan, on_crash: OnCrash | None) -> None:
-        self._plan = plan
+    def __init__(self, request: RunRequest, on_crash: OnCrash | None) -> None:
+        self._request = request
         self._on_crash = on_crash
         self._outcome: Outcome | None = None
 
     def on_crash(self, crashed: Exit) -> None:
         """Determines the outcome of a crash while its log is fresh, keeps it, and reports failure code and reason."""
-        self._outcome = decided = decide_outcome_with_log(crashed, None, self._plan)
+        self._outcome = decided = decide_outcome_with_log(crashed, None, self._request)
         if self._on_crash is not None:
             self._on_crash(decided.failure_code or _INTERNAL, decided.failure_reason or "")
 
@@ -267,20 +268,25 @@ class _FirstCrash:
         """Returns the run's outcome if a program of it crashed (failed, unless it was cancelled later), else `None`."""
         if self._outcome is None or stopped_for in (None, RunStop.DURATION_LIMIT):
             return self._outcome
-        return decide_outcome(None, stopped_for, self._plan)
+        return decide_outcome(None, stopped_for, self._request.plan)
 
 
-def decide_outcome_with_log(ended: Exit | None, stopped_for: RunStop | None, plan: RunPlan) -> Outcome:
+def decide_outcome_with_log(ended: Exit | None, stopped_for: RunStop | None, request: RunRequest) -> Outcome:
     """Returns how a run ended, with the last log lines of the program concerned in a failure's reason.
 
     The end is `None` if the run's supervisor disappeared; the reason for a stop is `None` if the run ended by itself.
     """
+    plan = request.plan
     program = ended.crash.program if ended is not None and ended.crash is not None else None
     if ended is not None and program is None and never_connected(ended):
         program = next(
             (each.name for each in plan.programs if (each.role, each.kind) == ("robot", "application")), None
         )
-    return decide_outcome(ended, stopped_for, plan, log_tail(plan.output_dir, program))
+    log = log_tail(plan.output_dir, program, ended.logged_bytes.get(program or "") if ended is not None else None)
+    decided = decide_outcome(ended, stopped_for, plan, log)
+    is_boxed = not any(each.name == program and each.cleanup_argv is not None for each in plan.programs)
+    unseen = unseen_programs(request, decided.failure_reason or "") if is_boxed else ""
+    return decide_outcome(ended, stopped_for, plan, log, unseen) if unseen else decided
 
 
 def _clean_up(request: RunRequest) -> None:

@@ -378,7 +378,8 @@ class Supervision:
         for log in self._logs:
             with suppress(OSError):
                 log.close()
-        return replace(self._exit(), cpu_time_s=_cpu_time_s())
+        sizes = {each.plan.name: each.logged_bytes for each in self._programs if each.logged_bytes is not None}
+        return replace(self._exit(), cpu_time_s=_cpu_time_s(), logged_bytes=sizes)
 
     def _clean_up(self) -> None:
         left = {pid for program in self._programs if (pid := program.clean_up()) is not None}

@@ -103,6 +103,8 @@ MAX_PAUSE_S = 30.0
 STEADY_LIFE_S = 60.0
 """Seconds of life after which a tool's restart has the first pause again."""
 _NOT_STARTED = 127
+_MOST_FIRST_LINE_BYTES = 256
+"""Number of bytes of a script's first line that Linux reads."""
 _RESTORED_SIGNALS = (signal.SIGINT, signal.SIGPIPE, signal.SIGXFSZ, signal.SIGCHLD, signal.SIGTERM)
 
 
@@ -144,6 +146,8 @@ class Program:
         """Process id until the program is reaped; None before its start, and between restarts."""
         self.ended: int | None = None
         """Pidfd that becomes readable when the program ends; None while it is not running."""
+        self.logged_bytes: tuple[int, int] | None = None
+        """Sizes of the logs of output and errors when the program was told to end; None: it was not yet."""
         self._environment = environment
         self._confine = confine
         self._clock = clock
@@ -194,6 +198,9 @@ class Program:
     def terminate(self) -> None:
         """Asks the program and its process group to end (SIGTERM); does nothing if it does not run."""
         if self.pid is not None:
+            if self.logged_bytes is None:
+                output, errors = (os.fstat(log.descriptor).st_size for log in self.logs)
+                self.logged_bytes = output, errors
             with suppress(ProcessLookupError, PermissionError):
                 os.killpg(self.pid, signal.SIGTERM)
 
@@ -309,12 +316,21 @@ def _why_not(error: BaseException, program: str, folder: Path) -> str:
     if isinstance(error, OSError) and not folder.is_dir():
         return f"its working directory {folder} does not exist"
     if isinstance(error, FileNotFoundError) and Path(program).is_file():
-        return f"{program} is there, but not the interpreter that its first line names"
+        return f"{program} is there, but not the interpreter that its first line names{_interpreter(Path(program))}"
     if isinstance(error, FileNotFoundError):
         return f"program not found: {program}"
     if isinstance(error, PermissionError):
         return f"{program} is not executable: {error.strerror}"
     return f"{program} cannot be executed: {error}"
+
+
+def _interpreter(script: Path) -> str:
+    """Returns `, /usr/bin/python3`: the program that the first line of a script names; empty: it has none."""
+    with suppress(OSError), script.open("rb") as file:
+        line = file.readline(_MOST_FIRST_LINE_BYTES).decode(errors="replace")
+        if line.startswith("#!") and (words := line[2:].split()):
+            return f", {words[0]}"
+    return ""
 
 
 def _peek(pid: int) -> int:

@@ -2,8 +2,8 @@
 
 import os
 import signal
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
 from ....schemas.runs.plan import ApplicationRole, RunPlan
@@ -76,6 +76,9 @@ class Exit:
     judges: bool = False
     """Whether the environment judges its run, or has requirements."""
 
+    logged_bytes: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    """Sizes of programs' logs of output and errors, by program, when these were told to end: the rest is about that."""
+
     @property
     def ended_by(self) -> str | None:
         """Cause of the simulation loop's end if the run completed its outputs, else `None`."""
@@ -107,7 +110,11 @@ class Outcome:
 
 
 def decide_outcome(
-    ended: Exit | None, stopped_for: RunStop | None, plan: RunPlan, log: tuple[str, Sequence[str]] = ("", ())
+    ended: Exit | None,
+    stopped_for: RunStop | None,
+    plan: RunPlan,
+    log: tuple[str, Sequence[str]] = ("", ()),
+    advice: str = "",
 ) -> Outcome:
     """Returns the outcome of a run (status, failure code and reason), decided from its end.
 
@@ -116,13 +123,15 @@ def decide_outcome(
         stopped_for: Reason for which the run was stopped; None if it ended by itself.
         plan: Plan of the run.
         log: Name and last lines of its log.
+        advice: End of the sentence on a failure: what would help.
 
     Returns:
         The outcome. When a run was told to stop but had already ended by itself or crashed, that end counts.
     """
     if ended is not None and ended.crash is not None:
         where = _in_trial(ended) if ended.crash.program is None else ""
-        head = f"{_subject(ended.crash, plan)} {ended.crash.what}{where}{_about_tools(ended, plan)}"
+        told = f"{where}{_when(ended)}{advice}{_about_tools(ended, plan)}"
+        head = f"{_subject(ended.crash, plan)} {ended.crash.what}{told}"
         return Outcome("Failed", _CRASH_CODES[ended.crash.role], failure_reason(head, *log))
     if ended is not None and (ended.ended_by in ENDS_BY_THEMSELVES or (ended.ended_by and plan.is_rerun)):
         return Outcome("Completed")  # a rerun ends by itself where the run was stopped
@@ -142,7 +151,12 @@ def decide_outcome(
     elif code == "InvalidInput" and phase.role is None:
         reason = _what(ended)  # the request's fault, not the runtime's
     else:
-        reason = f"{_who(phase, plan)} failed in {phase.activity}: {_what(ended)}{_about_tools(ended, plan)}"
+        when = _when(ended) if phase in (Phase.AGENT, Phase.STEP) else ""
+        told = f"{when}: {_what(ended)}{advice}{_about_tools(ended, plan)}"
+        reason = f"{_who(phase, plan)} failed in {phase.activity}{told}"
+    if "code" in ended.report:
+        name, lines = log
+        log = (name, [line for line in lines if line.strip() not in reason])  # the log has the same sentence
     return Outcome("Failed", code, failure_reason(reason, *log))
 
 
@@ -239,6 +253,14 @@ def _what(ended: Exit) -> str:
     if ended.signal is not None:
         return f"killed by {signal_name(ended.signal)}{_in_trial(ended)}"
     return f"the process ended itself with exit code {ended.exit_code} before the run was over{_in_trial(ended)}"
+
+
+def _when(ended: Exit) -> str:
+    """Returns the simulated time of a run's end, for a failure reason; empty if nothing was simulated, or in trials."""
+    if ended.sim_time_s <= 0 or ended.trial is not None:
+        return ""
+    digits = 1 if ended.sim_time_s >= 1 else 2  # steps of 0.05 s
+    return f" after {ended.sim_time_s:.{digits}f} s simulated"
 
 
 def _in_trial(ended: Exit) -> str:

@@ -6,6 +6,8 @@ The code is pure, and its memory use does not grow with the number of trials.
 import hashlib
 import math
 import textwrap
+from collections import Counter
+from collections.abc import Hashable
 from dataclasses import dataclass, field
 from typing import TypeVar
 
@@ -23,6 +25,7 @@ from ....schemas.runs.trial_rows import (
     TrialsSummary,
 )
 from ....schemas.runs.trials import OF_ALL_TRIALS, Trials
+from ....schemas.trial_copies import copy_key
 from ....schemas.wire.common import counted
 from ..episode.verdicts import Parts, TrialParts, decide_verdict
 from .axis_parts import AxisEffect, AxisParts, Part
@@ -34,6 +37,8 @@ _MOST_MISSED = 3
 """Number of the requirements that a job's reason names, those that most trials missed."""
 _MAX_NOTES = 5
 _REASON_CHARACTERS = 300
+_MAX_KEYS = 200_000
+"""Number of trials, of all parts of axes together, whose later copies are recognised."""
 OFF_BY_JOB = "switched off by the job; "
 _COUNTED: dict[Verdict, str] = {"PASS": "passed", "FAIL": "failed", "ERROR": "errors", "NONE": "unjudged"}
 
@@ -52,12 +57,15 @@ class Tally:
         self._trials = trials
         self._counts: dict[str, int] = {}
         self._cells: dict[Cell, dict[str, int]] = {}
+        self._keys: set[int] = set()
         self._parts = {name: AxisParts(axis) for name, axis in (trials.axes or {}).items()}
         self._axes: dict[str, dict[Part, dict[str, int]]] = {name: {} for name in self._parts}
         self._failing: list[FailingTrial] = []
         self._requirements: dict[str, _RequirementCount] = {}
         self._means: dict[str, _Mean] = {}
-        self._notes: list[str] = []
+        self._notes: dict[str, list[int]] = {}
+        """Notes of trials, and the numbers of the first trials that have each."""
+        self._noted: Counter[str] = Counter()
         self._effects = {name: AxisEffect(name) for name in self._parts}
         self._digest = hashlib.sha256()
         self._has_digests = False
@@ -78,12 +86,13 @@ class Tally:
         self.rows += 1
         counted = _COUNTED[row.verdict]
         self._counts[counted] = self._counts.get(counted, 0) + 1
+        self._counts["copies"] = self._counts.get("copies", 0) + self._is_copy(row)
         self._count_cell(row, counted)
         if row.verdict in ("FAIL", "ERROR") and len(self._failing) < MAX_FAILING:
             self._failing.append(_failing(row, row.verdict))
         for requirement in row.requirements:
             if requirement.name in self._requirements or len(self._requirements) < MAX_NAMES:
-                self._requirements.setdefault(requirement.name, _RequirementCount()).take(requirement)
+                self._requirements.setdefault(requirement.name, _RequirementCount()).take(requirement, row.trial)
         for name, value in row.metrics.items():
             if name in self._means or len(self._means) < MAX_NAMES:
                 self._means.setdefault(name, _Mean()).take(value)
@@ -94,18 +103,39 @@ class Tally:
         if self.rows == 1:
             self._first_digest = row.state_digest
         self._differ |= row.state_digest != self._first_digest
-        if len(self._notes) < _MAX_NOTES:
-            self._notes += [f"trial {row.trial}: {note}" for note in row.notes[: _MAX_NOTES - len(self._notes)]]
+        self._take_notes(row)
         self._sim_time_s += row.sim_time_s
         self._wall_time_s += row.wall_time_s
         self._steps += row.steps
 
+    def _take_notes(self, row: TrialRow) -> None:
+        for note in dict.fromkeys(row.notes):
+            if note in self._notes or len(self._notes) < _MAX_NOTES:
+                self._noted[note] += 1
+                if self._noted[note] <= _NAMED:
+                    self._notes.setdefault(note, []).append(row.trial)
+
     def _count_cell(self, row: TrialRow, counted: str) -> None:
         """Counts a trial in its cell, if cells repeat, and in the part of each axis to which its value belongs."""
         if self._axes and self._trials.design == "grid":
-            _count(self._cells, tuple(row.axes.items()), counted)
+            cell = tuple(row.axes.items())
+            _count(self._cells, cell, counted, is_copy=self._is_copy(row, cell))
         for name, counts in self._axes.items():
-            _count(counts, self._parts[name].part(row.axes.get(name)), counted)
+            part = self._parts[name].part(row.axes.get(name))
+            _count(counts, part, counted, is_copy=self._is_copy(row, name, part))
+
+    def _is_copy(self, row: TrialRow, *among: Hashable) -> bool:
+        """Returns whether an earlier trial, among those of the same cell or part of an axis, is the same.
+
+        It is if it has the same states and verdict. So that memory stays bounded, only the first trials are remembered.
+        """
+        if row.verdict not in ("PASS", "FAIL") or (key := copy_key(row.state_digest, row.verdict, among)) is None:
+            return False
+        if key in self._keys:
+            return True
+        if len(self._keys) < _MAX_KEYS:
+            self._keys.add(key)
+        return False
 
     @property
     def sim_time_s(self) -> float:
@@ -188,17 +218,24 @@ class Tally:
     def _remarks(self) -> list[str]:
         """Returns the notes that are shown with the verdict."""
         off = [name for name, count in self._requirements.items() if count.kind == "off"]
-        own = [f"switched off by the job: {', '.join(off)}", *self._notes] if off else self._notes
+        notes = [f"{self._trials_in_words(trials, self._noted[note])}: {note}" for note, trials in self._notes.items()]
+        own = [f"switched off by the job: {', '.join(off)}", *notes] if off else notes
         is_one = self.rows > 1 and self._first_digest is not None and not self._differ
         same = f"all {self.rows} trials went through the same states: they count as one trial"
         return [same, *own] if is_one else [*filter(None, (each.note for each in self._effects.values())), *own]
+
+    def _trials_in_words(self, first: list[int], count: int) -> str:
+        if 1 < count == self.rows:
+            return f"all {count} trials"
+        more = f" and {count - len(first)} more" if count > len(first) else ""
+        return f"trial{'s' if count > 1 else ''} {', '.join(map(str, first))}{more}"
 
     @property
     def _in_words(self) -> str:
         """Text that says how many trials did not pass, which, and why.
 
-        `2 of 9 trials did not pass: trials 4, 7; missed: soft 2`. It also says if trials have no verdict or the job was
-        stopped.
+        `2 of 9 trials did not pass: trials 4, 7; missed: soft in 2`. Trials are not listed where all of them did not
+        pass. It also says if trials have no verdict or the job was stopped.
         """
         bad = self._counts.get("failed", 0) + self._counts.get("errors", 0)
         trials = counted(self.rows, "trial")
@@ -206,7 +243,8 @@ class Tally:
         if bad:
             more = bad - _NAMED
             named = ", ".join(str(number) for number in self.first_failing[:_NAMED])
-            text += f": trial{'s' if bad > 1 else ''} {named}{f' and {more} more' if more > 0 else ''}{self._why}"
+            listed = f": trial{'s' if bad > 1 else ''} {named}{f' and {more} more' if more > 0 else ''}"
+            text += f"{listed if bad < self.rows else ''}{self._why}"
         if (unjudged := self._counts.get("unjudged", 0)) and unjudged < self.rows:
             text += f"; {unjudged} of {self.rows} have no verdict"
         if not self.is_whole:
@@ -216,10 +254,10 @@ class Tally:
 
     @property
     def _why(self) -> str:
-        """Says what was missed most often, as `; missed: gentle 8, to-bed 3`, and why the first trial broke."""
+        """Says what was missed most often, as `; missed: gentle in 8, to-bed in 3`, and why the first trial broke."""
         missed = {name: count.missed for name, count in self._requirements.items() if count.missed}
         worst = sorted(missed, key=lambda name: -missed[name])
-        told = ", ".join(f"{name} {missed[name]}" for name in worst[:_MOST_MISSED])
+        told = ", ".join(f"{name} in {missed[name]}" for name in worst[:_MOST_MISSED])
         others = len(worst) - _MOST_MISSED
         text = f"; missed: {told}{f' and {others} more' if others > 0 else ''}" if told else ""
         broke = next((each for each in self._failing if each.verdict == "ERROR"), None)
@@ -269,14 +307,14 @@ class _RequirementCount:
     worst: Requirement | None = field(default=None)
     """The requirement with the smallest margin: of those missed, once one is, as another's would seem to be met."""
 
-    def take(self, requirement: Requirement) -> None:
+    def take(self, requirement: Requirement, trial: int) -> None:
         self.trials += 1
         self.counted += requirement.counts
         self.met += requirement.satisfied
         self.missed += requirement.counts and not requirement.satisfied and requirement.error is None
         self.kind = requirement.kind
         if self.worst is None or _badness(requirement) < _badness(self.worst):
-            self.worst = requirement
+            self.worst = requirement.model_copy(update={"trial": trial})
 
     def requirement(self, name: str) -> Requirement:
         """Returns a requirement's entry in the job's result: in how many trials it was met, and the worst value.
@@ -284,6 +322,8 @@ class _RequirementCount:
         The entry itself does not count for the verdict.
         """
         told = {"value", "limit", "unit", "margin"}
+        if self.worst is not None and self.worst.margin is not None:
+            told.add("trial")  # without a margin none is the worst
         worst = {} if self.worst is None else self.worst.model_dump(include=told)
         aside = OFF_BY_JOB if self.kind == "off" else "" if self.counted else COUNTS_IN_NO_TRIAL
         return Requirement(
@@ -301,11 +341,12 @@ def _badness(requirement: Requirement) -> tuple[bool, float]:
     return requirement.satisfied, math.inf if requirement.margin is None else requirement.margin
 
 
-def _count(counts: dict[_Key, dict[str, int]], key: _Key, counted: str) -> None:
+def _count(counts: dict[_Key, dict[str, int]], key: _Key, counted: str, *, is_copy: bool) -> None:
     """Increases a count of a key by one, if the key is among the first `MAX_CELLS`; else does nothing."""
     if key in counts or len(counts) < MAX_CELLS:
         of_key = counts.setdefault(key, {})
         of_key[counted] = of_key.get(counted, 0) + 1
+        of_key["copies"] = of_key.get("copies", 0) + is_copy
 
 
 def _counts(counts: dict[str, int], axes: dict[str, Value] | None = None) -> TrialCounts:

@@ -101,9 +101,7 @@ def fit_way(
     wish = f"{what} {drawn.name} of {width_m:.2f} m"
     if inner is None or (outer is not None and outer[1] < inner[1]):
         if outer is None:
-            raise ConfigurationError(
-                f"{file}: {wish}: it lies in no wall of a room; draw it in a wall between two rooms"
-            )
+            raise ConfigurationError(f"{file}: {wish}: {_astray(drawn, walls, moved, names)}")
         reason = f"it leads out of {names[outer[2][4]]}, and worlds end at their outer walls"
         return None, Preference.judged(path, wish, reason)
     place, _, contact = inner
@@ -132,6 +130,17 @@ def fit_way(
     as_drawn = abs(width / UNITS_PER_M - width_m) <= 0.5 / UNITS_PER_M + 1e-6
     reason = f"it is {width / UNITS_PER_M:.2f} m wide here, so that 0.8 m stay clear"
     return way, Preference.judged(path, f"{wish} {between}", "" if as_drawn else reason)
+
+
+def _astray(drawn: DrawnWay, walls: Walls, moved: tuple[Lines, Lines], names: Sequence[str]) -> str:
+    """Tells why a door or opening is in no wall: it crosses one, or is away from all."""
+    for place in _places(drawn.lines, moved):
+        for contact in walls.contacts:
+            horizontal, at, start, end = contact[2:]
+            if horizontal != place.horizontal and start <= place.at <= end and place.start <= at <= place.end:
+                rooms = f"{names[contact.low]} and {names[contact.high]}"
+                return f"it crosses the wall between {rooms}; draw it along that wall"
+    return "it lies in no wall of a room; draw it in a wall between two rooms"
 
 
 _Near = tuple[_Place, float, Wall]

@@ -37,7 +37,7 @@ from ..floorplans.floorplan import (
 from ..floorplans.partition import UNITS_PER_M, Corners, area, extent
 from ..floorplans.walls import Pane, Piece, Walls, floor_cells, windows_along
 from .door_fitting import DrawnWay, FittedWay, fit_way, fit_window
-from .squaring import Squared, outline_area, outline_of, overlap, room_units, square, units_area
+from .squaring import Squared, outline_area, outline_of, overlaps, room_units, square, units_area
 
 
 class DrawnRoom(NamedTuple):
@@ -99,15 +99,17 @@ def make_plan(drawn: DrawnPlan, ceiling_m: float, seed: int) -> MadePlan:
     walls = Walls(squared.rooms)
     told: list[Preference] = []
     fitted: list[FittedWay] = []
+    wrong: list[str] = []
     for each in drawn.ways:
         try:
             way, preference = fit_way(each, walls, squared.moved, names, drawn.file, [one.way for one in fitted])
         except ConfigurationError as error:
-            if each.required:
-                raise
+            wrong += [str(error)] if each.required else []
             way, preference = None, Preference.judged(f"{drawn.file}#{each.name}", each.name, str(error))
         told.append(preference)
         fitted += [FittedWay(way, each.percent)] if way else []
+    if wrong:
+        raise ConfigurationError("\n".join(wrong))
     ways = [one.way for one in fitted]
     _refuse_apart(names, [way.pair for way in ways], drawn.file)
     panes, window_report = _windows(drawn, walls, squared, seed)
@@ -208,21 +210,22 @@ def _area(file: str, room: Room) -> Preference:
 
 
 def _refuse_overlaps(rooms: Sequence[Corners], names: Sequence[str], file: str) -> None:
+    wrong: list[str] = []
     for number, corners in enumerate(rooms):
         if len(corners) < 4:
-            raise ConfigurationError(f"{file}: {names[number]}: it is narrower than a wall; is the scale right?")
-        if int(room_units(corners).sum()) != area(corners):
-            raise ConfigurationError(
+            wrong.append(f"{file}: {names[number]}: it is narrower than a wall; is the scale right?")
+        elif int(room_units(corners).sum()) != area(corners):
+            wrong.append(
                 f"{file}: {names[number]}: its outline crosses itself, once its edges lie on the grid of 5 cm; a "
                 "simple outline would be right"
             )
-    found = overlap(rooms)
-    if found is not None:
-        one, other, square_metres = found
-        raise ConfigurationError(
-            f"{file}: {names[one]} and {names[other]} overlap by {square_metres:.2f} m2; rooms that touch, or that "
-            "have a gap of a wall's thickness between them, would be right"
-        )
+    wrong = wrong or [
+        f"{file}: {names[one]} and {names[other]} overlap by {square_metres:.2f} m2; rooms that touch, or that "
+        "have a gap of a wall's thickness between them, would be right"
+        for one, other, square_metres in overlaps(rooms)
+    ]
+    if wrong:
+        raise ConfigurationError("\n".join(wrong))
 
 
 def _refuse_apart(names: Sequence[str], pairs: Sequence[tuple[int, int]], file: str) -> None:

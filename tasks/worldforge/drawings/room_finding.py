@@ -3,10 +3,12 @@
 import re
 import unicodedata
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 from ....schemas.templates.drawing_notes import DrawingNotes
 from ....schemas.wire.errors import ConfigurationError
+from ....schemas.wire.request_problems import nearest_of
 from ....schemas.worlds.world import ROOM_TYPES, FurnishedRoomType, PassageKind, Point
 from .door_fitting import DrawnWay
 from .drawn_floorplan import DrawnPlan, DrawnRoom
@@ -96,16 +98,20 @@ def read_plan(drawing: Drawing, scale: float, notes: DrawingNotes, file: str) ->
             f"{file}: {len(shapes)} rooms in it, and 1 to {MOST_ROOMS} would be right; a room is a closed shape with "
             "the class, layer or group `room`, or with a name such as `Kitchen`"
         )
-    rooms = _rooms(shapes, drawing, scale, notes, file)
-    if unknown := sorted(set(notes.rooms) - {room.original or room.name for room in rooms}):
-        names = ", ".join(room.original or room.name for room in rooms)
-        raise ConfigurationError(f"{file}: the notes name a room {unknown[0]!r}; the drawing has {names}")
+    flaws: list[str] = []
+    rooms = _rooms(shapes, drawing, scale, notes, file, flaws)
+    if not flaws and (unknown := sorted(set(notes.rooms) - {room.original or room.name for room in rooms})):
+        names = [room.original or room.name for room in rooms]
+        instead = {each: nearest_of(each, names, "the drawing has") for each in unknown}
+        flaws += [f"{file}: the notes name a room {each!r}{words}" for each, words in instead.items()]
     kinds: tuple[tuple[Kind, PassageKind], ...] = (("door", "Doorway"), ("opening", "Opening"))
-    ways = [
-        _way(shape, kind, scale, n, required=drawing.is_exact)
-        for key, kind in kinds
-        for n, shape in enumerate(found.get(key, []), 1)
-    ]
+    ways: list[DrawnWay] = []
+    for key, kind in kinds:
+        for number, shape in enumerate(found.get(key, []), 1):
+            with _kept(flaws):
+                ways.append(_way(shape, kind, scale, number, required=drawing.is_exact))
+    if flaws:
+        raise ConfigurationError("\n".join(flaws))
     windows = [_way(shape, "Opening", scale, n, required=False) for n, shape in enumerate(found.get("window", []), 1)]
     faces = None if notes.outlines is None else notes.outlines == "faces"
     rest = [*found.get("other", []), *found.get(None, [])]
@@ -113,29 +119,46 @@ def read_plan(drawing: Drawing, scale: float, notes: DrawingNotes, file: str) ->
     return DrawnPlan(file, rooms, ways, windows, faces), _left_out(rest, drawing.labels, nameless)
 
 
-def _rooms(shapes: Sequence[Shape], drawing: Drawing, scale: float, notes: DrawingNotes, file: str) -> list[DrawnRoom]:
+@contextmanager
+def _kept(flaws: list[str]) -> Iterator[None]:
+    """Adds what is wrong with one shape to a list, so that all shapes are looked at."""
+    try:
+        yield
+    except ConfigurationError as error:
+        flaws.append(str(error))
+
+
+def _rooms(
+    shapes: Sequence[Shape], drawing: Drawing, scale: float, notes: DrawingNotes, file: str, flaws: list[str]
+) -> list[DrawnRoom]:
+    """Returns the rooms of shapes; what is wrong with others is added to the flaws."""
     taken: Counter[str] = Counter()
     rooms: list[DrawnRoom] = []
     for shape in shapes:
-        label = label_of(shape, drawing.labels) or next(
-            (without_kinds(word) for word in shape.words if room_type(word)), ""
-        )
-        what = f"{file}: room {label!r}" if label else f"{file}: {shape.place}"
-        if any(unicodedata.category(letter) == "Cc" for letter in label):
-            raise ConfigurationError(f"{what}: its name has control characters; remove them")
-        if not shape.closed or shape.curved:
-            flaw = "has curves" if shape.curved else "is not closed"
-            raise ConfigurationError(
-                f"{what}: its outline {flaw}; a closed one of level and upright edges would be right"
-            )
-        kind = _type(shape, label, notes, what)
-        name = " ".join(re.findall(r"[A-Za-z0-9_-]+", without_accents(label)) or [kind])
-        taken[name] += 1
-        name += f" {taken[name]}" if taken[name] > 1 else ""
-        drawn = [(x, drawing.y_up * y) for x, y in shape.points]
-        corners = upright([_scaled(point, scale) for point in shape.points], what, drawn)
-        rooms.append(DrawnRoom(name, label if label != name and label else None, kind, corners))
+        with _kept(flaws):
+            rooms.append(_room(shape, drawing, scale, notes, file, taken))
     return rooms
+
+
+def _room(
+    shape: Shape, drawing: Drawing, scale: float, notes: DrawingNotes, file: str, taken: Counter[str]
+) -> DrawnRoom:
+    label = label_of(shape, drawing.labels) or next(
+        (without_kinds(word) for word in shape.words if room_type(word)), ""
+    )
+    what = f"{file}: room {label!r}" if label else f"{file}: {shape.place}"
+    if any(unicodedata.category(letter) == "Cc" for letter in label):
+        raise ConfigurationError(f"{what}: its name has control characters; remove them")
+    if not shape.closed or shape.curved:
+        flaw = "has curves" if shape.curved else "is not closed"
+        raise ConfigurationError(f"{what}: its outline {flaw}; a closed one of level and upright edges would be right")
+    kind = _type(shape, label, notes, what)
+    name = " ".join(re.findall(r"[A-Za-z0-9_-]+", without_accents(label)) or [kind])
+    taken[name] += 1
+    name += f" {taken[name]}" if taken[name] > 1 else ""
+    drawn = [(x, drawing.y_up * y) for x, y in shape.points]
+    corners = upright([_scaled(point, scale) for point in shape.points], what, drawn)
+    return DrawnRoom(name, label if label != name and label else None, kind, corners)
 
 
 def _type(shape: Shape, label: str, notes: DrawingNotes, what: str) -> FurnishedRoomType:

@@ -4,7 +4,7 @@ Drawings have rooms as areas with gaps for walls between them, or as areas that 
 a wall become one line in the middle between them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -217,18 +217,17 @@ Node = tuple[int, int]
 Step = tuple[Node, Node]
 
 
-def overlap(rooms: Sequence[Corners]) -> tuple[int, int, float] | None:
-    """Finds two rooms that overlap: their numbers, and the area in square metres; `None` if none do."""
+def overlaps(rooms: Sequence[Corners]) -> Iterator[tuple[int, int, float]]:
+    """Yields pairs of rooms that overlap: their numbers, and the area in square metres."""
     boxes = [extent(corners) for corners in rooms]
     owner = np.full((max(box.y1 for box in boxes), max(box.x1 for box in boxes)), -1)
     for number, corners in enumerate(rooms):
         box, units = boxes[number], room_units(corners)
         part = owner[box.y0 : box.y1, box.x0 : box.x1]
-        taken = part[units & (part >= 0)]
-        if len(taken):
-            return int(taken[0]), number, int(np.count_nonzero(taken == taken[0])) / UNITS_PER_M**2
-        part[units] = number
-    return None
+        others, counts = np.unique(part[units & (part >= 0)], return_counts=True)
+        for other, count in zip(others, counts, strict=True):
+            yield int(other), number, int(count) / UNITS_PER_M**2
+        part[units & (part < 0)] = number
 
 
 def outline_of(around: Sequence[Step]) -> Corners:

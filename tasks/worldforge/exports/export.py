@@ -29,7 +29,7 @@ from .export_readme import readme
 from .export_scene import Scene, read_scene
 from .glb import scene_glb
 from .ros_packages import SHARED_MODELS, WORLDS, package_files
-from .sdf_models import SharedModels, sdf_world
+from .sdf_worlds import SharedModels, sdf_world
 from .usd import scene_usd
 
 TOP = "aws_robomaker_worldforge_pkgs"

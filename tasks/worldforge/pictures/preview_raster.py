@@ -4,11 +4,11 @@ Only sums, products, comparisons and square roots touch the pixels: these are ex
 that equal scenes give equal pictures everywhere.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from math import ceil, cos, floor, radians, sin
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +75,7 @@ class Raster:
     Attributes:
         depth: Pixels towards the camera, minus infinity where nothing is.
         ids: The colour number of what is seen, 0 where nothing is.
+        veil: Whether a pane of glass is before what is seen.
     """
 
     def __init__(self, view: View) -> None:
@@ -82,6 +83,7 @@ class Raster:
         self.view = view
         self.depth = np.full((height, width), -np.inf, np.float32)
         self.ids = np.zeros((height, width), np.int32)
+        self.veil = np.zeros((height, width), np.uint8)
         self._xs = (np.arange(width) + 0.5).astype(np.float32)
         self._ys = (np.arange(height) + 0.5).astype(np.float32)[:, None]
         # Odd rows look a little to the right and odd columns a little up: no two of four neighbours are in line, so
@@ -91,18 +93,26 @@ class Raster:
 
     def parallelogram(self, corner: Vector, along: Vector, across: Vector, color: int) -> None:
         """Draws a flat face from one of its corners and its two edges."""
-        self._face(self.view.point(corner), self.view.vector(along), self.view.vector(across), color, False)
+        for rows, columns, seen, depth in self._face(corner, along, across):
+            self._draw(rows, columns, seen, depth, color)
+
+    def pane(self, corner: Vector, along: Vector, across: Vector) -> None:
+        """Draws a pane of glass, which is a flat face, before what has been drawn until now."""
+        for rows, columns, seen, depth in self._face(corner, along, across):
+            self.veil[rows, columns] |= seen & (depth > self.depth[rows, columns])
 
     def disc(self, center: Vector, along: Vector, across: Vector, color: int) -> None:
         """Draws an ellipse from its centre and two half axes."""
-        x, y, z = self.view.point(center)
-        a, b = self.view.vector(along), self.view.vector(across)
-        corner = (x - a[0] - b[0], y - a[1] - b[1], z - a[2] - b[2])
-        self._face(corner, _twice(a), _twice(b), color, True)
+        x, y, z = (middle - one - other for middle, one, other in zip(center, along, across, strict=True))
+        for rows, columns, seen, depth in self._face((x, y, z), _twice(along), _twice(across), is_round=True):
+            self._draw(rows, columns, seen, depth, color)
 
-    def _face(self, corner: Vector, along: Vector, across: Vector, color: int, is_round: bool) -> None:
-        x0, y0, z0 = corner
-        (ax, ay, az), (bx, by, bz) = along, across
+    def _face(
+        self, corner: Vector, along: Vector, across: Vector, is_round: bool = False
+    ) -> Iterator[tuple[slice, slice, NDArray[np.bool_], Image]]:
+        """Yields the blocks of pixels around a face: rows, columns, a mask of those that it covers, and its depth."""
+        x0, y0, z0 = self.view.point(corner)
+        (ax, ay, az), (bx, by, bz) = self.view.vector(along), self.view.vector(across)
         determinant = ax * by - ay * bx
         if abs(determinant) < _SMALLEST:
             return
@@ -118,7 +128,7 @@ class Raster:
             s = (xs * sx + above * sy + s0) + (ys * sy + aside * sx)
             t = (xs * tx + above * ty + t0) + (ys * ty + aside * tx)
             seen = s * s + t * t <= 0.25 if is_round else np.maximum(np.abs(s, out=s), np.abs(t, out=t)) <= 0.5
-            self._draw(rows, columns, seen, (xs * dx + above * dy + d0) + (ys * dy + aside * dx), color)
+            yield rows, columns, seen, (xs * dx + above * dy + d0) + (ys * dy + aside * dx)
 
     def post(self, center: Vector, radius: float, height: float, colors: int) -> None:
         """Draws the side of an upright cylinder; `center` is the middle of its foot."""
@@ -213,8 +223,8 @@ def _crossing(edge: tuple[tuple[float, float], tuple[float, float]], top: float,
     return [x0 + slope * (max(y0, top) - y0), x0 + slope * (min(y1, bottom) - y0)]
 
 
-LIGHT: Vector = (-0.45, 0.35, 0.82)
-"""Unit-length direction towards the light."""
+LIGHT: Vector = (-0.50, -0.25, 0.829)
+"""Unit-length direction towards the light: in the south-west, so that the sides that one sees are lit."""
 
 
 def _levels(x: Image, y: Image, z: Image | float) -> NDArray[np.int32]:
@@ -223,8 +233,13 @@ def _levels(x: Image, y: Image, z: Image | float) -> NDArray[np.int32]:
     return np.clip((facing * 0.5 + 0.5) * LEVELS, 0, LEVELS - 1).astype(np.int32)
 
 
-GROUND = rgb("eeece6")[:3]
+GROUND = rgb("e7e5df")[:3]
 """Colour of the ground around the building (colour number 0)."""
+CUT = 1
+"""Colour number of what the cut through walls shows."""
+_CUT_COLOR = rgb("fdfcfa")[:3]
+_AWAY_M = 0.05
+"""Distance in metres before an upright face at which light is looked up: the face is on the edge of its own shadow."""
 
 
 class Palette:
@@ -236,7 +251,8 @@ class Palette:
     """
 
     def __init__(self) -> None:
-        self._colors: list[tuple[float, float, float]] = [GROUND]
+        self._colors: list[tuple[float, float, float]] = [GROUND, _CUT_COLOR]
+        self._normals: dict[int, tuple[float, float]] = {}
         self._in_shade: list[int] = []
         self.patterned: list[tuple[str, Axis, float]] = []
         self._patterns: dict[int, int] = {}
@@ -256,6 +272,7 @@ class Palette:
         """Adds a colour for a vertical face, shaded by its direction; returns its number."""
         facing = normal[0] * LIGHT[0] + normal[1] * LIGHT[1]
         number = self.add(color, _side_share(normal))
+        self._normals[number] = normal
         if facing <= 0:
             self._in_shade.append(number)
         return number
@@ -297,6 +314,14 @@ class Palette:
         sunny[self._in_shade] = 0
         return sunny
 
+    def away(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Returns for each colour how far east and north of a place light is looked up, in metres."""
+        table = np.zeros((2, len(self._colors)), np.float32)
+        for number, normal in self._normals.items():
+            table[:, number] = normal
+        table *= np.float32(_AWAY_M)
+        return table[0], table[1]
+
     def table(self) -> NDArray[np.uint8]:
         """Returns red, green and blue of each colour number of the palette, 0 to 255."""
         return np.rint(np.clip(np.array(self._colors), 0, 1) * 255).astype(np.uint8)
@@ -304,61 +329,103 @@ class Palette:
 
 def _side_share(normal: tuple[float, float]) -> float:
     """Returns the brightness of a vertical face, from its normal."""
-    return 0.8 + 0.16 * (normal[0] * LIGHT[0] + normal[1] * LIGHT[1])
+    return 0.77 + 0.26 * (normal[0] * LIGHT[0] + normal[1] * LIGHT[1])
 
 
 _CELL_M = 0.03
 _MARGIN_M = 1.5
 _CAST_CELLS = 2
 """Cells from one step along the light to the next; shadows are evened out over more."""
-_SOFT_CELLS = 5
-"""Cells over which shadows are evened out, twice: their edges are soft and have no steps."""
+_SOFT_CELLS = 3
+"""Cells over which shadows are evened out, twice: their edges have no steps."""
+_CLOSE_CELLS, _WIDE_CELLS = 5, 13
+"""Cells over which heights are evened out, twice, for the shade where things meet and in narrow places."""
+_CLOSE_M = 0.5
+"""Height in metres above which things make the floor before them no darker."""
+_CLOSE, _WIDE = 0.75, 0.28
+"""Loss of light for each metre of these heights."""
+_MOST_CLOSE, _MOST_WIDE = 0.30, 0.22
+_SUNLESS, _SUNLESS_EDGE = 0.32, 4.5
+"""Loss of light in the sun's shadow, and how much of it comes for each metre below the shadow's edge."""
 
-Block = tuple[float, float, float, float, float]
-"""Box on the ground: west, south, east, north, height, in metres."""
+
+class Block(NamedTuple):
+    """Box on the ground; distances are in metres."""
+
+    west: float
+    south: float
+    east: float
+    north: float
+    height: float
+    yaw: float = 0.0
+    """Angle in radians by which the box is turned about its middle."""
 
 
 @dataclass(frozen=True)
 class LightMap:
-    """Shadow map of a preview: height of the shadow and surrounding objects, for each ground cell."""
+    """Shadow map of a preview: height of the shadow and of surrounding objects, for each quarter of a ground cell."""
 
     origin: tuple[float, float]
     shade: Image
-    """Height up to which each quarter of a ground cell is in the sun's shadow, in metres."""
+    """Height up to which a place is in the sun's shadow, in metres."""
+    close: Image
+    """Mean height of what touches a place, in metres."""
     crowd: Image
-    """Mean height of the surroundings of each ground cell, in metres."""
+    """Mean height of the surroundings of a place, in metres."""
 
     @classmethod
     def of(cls, blocks: Iterable[Block], extent: tuple[float, float, float, float]) -> "LightMap":
         """Computes the shadows of blocks that are on the ground.
 
         Args:
-            blocks: Each is west, south, east, north and height, in metres.
+            blocks: The blocks.
             extent: The building's west, south, east and north, in metres.
         """
         x0, y0 = extent[0] - _MARGIN_M, extent[1] - _MARGIN_M
         shape = (ceil((extent[3] + _MARGIN_M - y0) / _CELL_M), ceil((extent[2] + _MARGIN_M - x0) / _CELL_M))
         heights = np.zeros(shape, np.float32)
-        for west, south, east, north, height in blocks:
-            rows = slice(max(0, floor((south - y0) / _CELL_M + 0.5)), max(0, floor((north - y0) / _CELL_M + 0.5)))
-            columns = slice(max(0, floor((west - x0) / _CELL_M + 0.5)), max(0, floor((east - x0) / _CELL_M + 0.5)))
-            np.maximum(heights[rows, columns], np.float32(height), out=heights[rows, columns])
-        crowd = ndimage.uniform_filter(heights, 11, mode="nearest") + ndimage.uniform_filter(
-            heights, 27, mode="nearest"
+        for block in blocks:
+            _raise(heights, block, (x0, y0))
+        maps = (
+            _even(_cast(heights), _SOFT_CELLS),
+            _even(np.minimum(heights, np.float32(_CLOSE_M)), _CLOSE_CELLS),
+            _even(heights, _WIDE_CELLS),
         )
-        shade = ndimage.uniform_filter(ndimage.uniform_filter(_cast(heights), _SOFT_CELLS), _SOFT_CELLS)
-        return cls((x0, y0), _finer(shade), np.asarray(crowd / 2, np.float32))
+        return cls((x0, y0), *map(_finer, maps))
 
     def brightness(self, x: Image, y: Image, z: Image, sunny: Image) -> Image:
         """Returns the brightness at positions of the scene, 0 to 1."""
         height, width = self.shade.shape
         rows = np.clip(((y - self.origin[1]) * (2 / _CELL_M)).astype(np.int32), 0, height - 1)
         columns = np.clip(((x - self.origin[0]) * (2 / _CELL_M)).astype(np.int32), 0, width - 1)
-        shade = np.take(self.shade, rows * width + columns)
-        crowd = np.take(self.crowd, (rows >> 1) * (width // 2) + (columns >> 1))
-        sunless = np.clip((shade - z - 0.02) * 3, 0, 1) * sunny
-        hemmed_in = np.clip((crowd - z) * 0.38, 0, 0.3)
-        return (1 - 0.38 * sunless) * (1 - hemmed_in)
+        cells = rows * width + columns
+        sunless = np.clip((np.take(self.shade, cells) - z - 0.02) * _SUNLESS_EDGE, 0, 1) * sunny
+        close = np.clip((np.take(self.close, cells) - z) * _CLOSE, 0, _MOST_CLOSE)
+        wide = np.clip((np.take(self.crowd, cells) - z) * _WIDE, 0, _MOST_WIDE)
+        return (1 - _SUNLESS * sunless) * (1 - close) * (1 - wide)
+
+
+def _raise(heights: Image, block: Block, origin: tuple[float, float]) -> None:
+    """Raises the ground, whose heights are changed in place, to the height of a block."""
+    (x0, y0), (west, south, east, north, height, yaw) = origin, block
+    c, s = (1.0, 0.0) if yaw == 0.0 else (round(cos(yaw), 9), round(sin(yaw), 9))
+    x, y, wide, deep = (west + east) / 2 - x0, (south + north) / 2 - y0, (east - west) / 2, (north - south) / 2
+    reach_x, reach_y = abs(c) * wide + abs(s) * deep, abs(s) * wide + abs(c) * deep
+    rows = slice(max(0, floor((y - reach_y) / _CELL_M + 0.5)), max(0, floor((y + reach_y) / _CELL_M + 0.5)))
+    columns = slice(max(0, floor((x - reach_x) / _CELL_M + 0.5)), max(0, floor((x + reach_x) / _CELL_M + 0.5)))
+    old, new = heights[rows, columns], np.float32(height)
+    if yaw == 0.0 or old.size == 0:
+        np.maximum(old, new, out=old)
+        return
+    ys, xs = (axis.astype(np.float32) for axis in np.ogrid[rows, columns])
+    right, up = (xs + np.float32(0.5)) * _CELL_M - x, (ys + np.float32(0.5)) * _CELL_M - y
+    inside = (np.abs(right * c + up * s) <= wide) & (np.abs(up * c - right * s) <= deep)
+    np.copyto(old, new, where=inside & (old < new))
+
+
+def _even(cells: Image, size: int) -> Image:
+    """Returns the weighted means of the cells around each cell: near ones count more."""
+    return np.asarray(ndimage.uniform_filter(ndimage.uniform_filter(cells, size), size), np.float32)
 
 
 def _finer(cells: Image) -> Image:
@@ -374,8 +441,10 @@ def _finer(cells: Image) -> Image:
 
 def _cast(heights: Image) -> Image:
     """Computes the shadow's height over every cell: the highest block towards the light, less the light's slope."""
-    # The light comes from the left and from above: a step goes one cell to the left and part of a cell up.
-    slope, drop = -LIGHT[1] / LIGHT[0], np.float32(-LIGHT[2] / LIGHT[0] * _CELL_M)
+    # The light comes from the left and from below: a step goes one cell to the left and part of a cell down. Rows are
+    # turned around, so that it is up.
+    heights = heights[::-1]
+    slope, drop = LIGHT[1] / LIGHT[0], np.float32(-LIGHT[2] / LIGHT[0] * _CELL_M)
     shade, rise = np.zeros_like(heights), heights[1:] - heights[:-1]
     for left in range(1, ceil(heights.max() / drop), _CAST_CELLS):
         up = floor(left * slope)
@@ -384,4 +453,4 @@ def _cast(heights: Image) -> Image:
         moved -= left * drop
         target = shade[: len(moved), left:]
         np.maximum(target, moved, out=target)
-    return shade
+    return shade[::-1]

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from math import cos, sin, sqrt
+from math import pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,18 +31,23 @@ _AROUND, _AROUND_M = 2, 0.06
 _LOOKS_OF_MISSED = 2
 """Number of lamps of each set that a pixel looks at where few neighbours share its surface."""
 
-_CLOSE_M = 0.16
+_LOOKS_OF_LONELY, _FEW_ALIKE = 3, 0.6
+"""Number of lamps of each set that a pixel of the grid looks at if less than this share of its square is alike."""
+
+_CLOSE_M = 0.11
 """Distance up to which things darken what they touch, in metres."""
-_LOOKS = 14
+_LOOKS = 12
 """Number of places around a pixel that are asked whether they take light from it."""
 _GOLDEN_RAD = 2.399963
 """Angle between two of these places, in radians, with which they lie evenly."""
 _LEAST_SIN = 0.08
 """Sine of the height above a surface from which a place takes light: surfaces are not quite flat, nor is it exact."""
-_TAKEN = 3.0
-"""Factor of the light that is taken, over the share of the half sphere that places around it cover."""
-_LEAST_OPEN = 0.3
+_TAKEN, _TAKEN_CLOSE = 1.8, 2.7
+"""Factors of the light that is taken from afar and from close by, over what places around it cover."""
+_LEAST_OPEN = 0.42
 """Share of light that reaches the deepest corner."""
+_SAME_PLANE_M = 0.012
+"""Distance from a plane, in metres, at which a pixel counts half as a neighbour on it."""
 _SMALL_M = 1e-4
 
 
@@ -100,7 +105,9 @@ class LightGrid:
     """Mask with 1 for pixels whose light is known, 0 for others; `None`: all are."""
 
     @classmethod
-    def cast(cls, caster: RayCaster, hits: Hits, lighting: Lighting, shape: tuple[int, int]) -> "LightGrid":
+    def cast(
+        cls, caster: RayCaster, hits: Hits, lighting: Lighting, shape: tuple[int, int], closely: bool = False
+    ) -> "LightGrid":
         """Finds the light at a grid of a picture's pixels.
 
         Args:
@@ -108,13 +115,16 @@ class LightGrid:
             hits: What all pixels show.
             lighting: The lamps.
             shape: Rows and columns of the picture.
+            closely: Whether pixels with few neighbours on their surface look at several lamps of each set.
         """
         index = np.arange(shape[0] * shape[1]).reshape(shape)[::STEP, ::STEP]
         few = hits[index.ravel()]
         size = (index.shape[0], index.shape[1])
-        every = np.arange(len(few.geoms))
-        both = _lit(caster, few, lighting, slots_of(size), 1) * _shade_of_corners(few, size, lighting, every)
-        both = _shared(both, few, size)
+        light, slots = _lit(caster, few, lighting, slots_of(size), 1), slots_of(size)
+        if closely:
+            lonely = np.flatnonzero(_alone(few, size))
+            light[lonely] = _lit(caster, few[lonely], lighting, slots[lonely], _LOOKS_OF_LONELY)
+        both = _shared(light, few, size)
         return cls(few, both[:, :3], both[:, 3:], size)
 
     def refined(self, caster: RayCaster, hits: Hits, lighting: Lighting, shape: tuple[int, int]) -> "LightGrid":
@@ -125,7 +135,6 @@ class LightGrid:
             return self
         light = np.zeros((len(rows), 7))
         light[lost, :6] = _lit(caster, hits[lost], lighting, slots_of(shape)[lost], _LOOKS_OF_MISSED)
-        light[lost, :6] *= _shade_of_corners(hits, shape, lighting, lost)
         light[lost, 6] = 1
         known = light[:, 6].copy()
         light = soft_light(hits, light, shape, lost)
@@ -219,6 +228,18 @@ def _alike(hits: Hits, others: Hits, index: NDArray[np.int64]) -> Array:
     return turned**8 / (1 + (apart / 0.02) ** 2) ** 2
 
 
+def _alone(hits: Hits, shape: tuple[int, int]) -> Flags:
+    """Returns a mask of the pixels that share too few neighbours' surfaces to know all lamps from these."""
+    rows, columns = (axis.ravel() for axis in np.indices(shape))
+    height, width = shape
+    alike = np.zeros(height * width)
+    for down in (-2, -1, 1, 2):
+        for right in (-2, -1, 1, 2):
+            other = np.clip(rows + down, 0, height - 1) * width + np.clip(columns + right, 0, width - 1)
+            alike += _alike(hits, hits, other) > 0.5
+    return (alike < _FEW_ALIKE * 16) & (hits.geoms >= 0)
+
+
 def _lit(caster: RayCaster, hits: Hits, lighting: Lighting, slots: NDArray[np.int64], looks: int) -> Array:
     """Returns the light at places and how it leans, shape (n, 6), from `looks` lamps of each set.
 
@@ -238,14 +259,6 @@ def _lit(caster: RayCaster, hits: Hits, lighting: Lighting, slots: NDArray[np.in
     return light
 
 
-def _shade_of_corners(hits: Hits, shape: tuple[int, int], lighting: Lighting, chosen: NDArray[np.int64]) -> Array:
-    """Returns the share of light, (n, 1), that reaches chosen pixels past what is around them and close to them."""
-    share = np.ones(len(chosen))
-    if lighting.shaded_m:
-        share = _openness(hits, shape, lighting.shaded_m, chosen) * _openness(hits, shape, _CLOSE_M, chosen)
-    return share[:, None]
-
-
 def _shine(caster: RayCaster, lamp: Lamp, hits: Hits) -> tuple[Array, Array]:
     """Returns the brightness of one lamp's light at places, and how it leans, shape (n, 3); 0 in its shadow."""
     ways = hits.places + hits.normals * _SKIN_M - np.array(lamp.place)
@@ -263,35 +276,104 @@ def _shine(caster: RayCaster, lamp: Lamp, hits: Hits) -> tuple[Array, Array]:
     return strength, ways * (-power * (strength > 0) * float(np.mean(lamp.color)))[:, None]
 
 
-def _openness(hits: Hits, shape: tuple[int, int], reach_m: float, chosen: NDArray[np.int64]) -> Array:
-    """Returns the share of light from everywhere that reaches chosen pixels past what the picture shows around them.
+@dataclass(frozen=True, slots=True)
+class Corners:
+    """Share of light that reaches the pixels of a picture past what is around them and close to them."""
 
-    Places are asked that lie around the pixel, as far as things reach that take its light. The result has shape (n,).
+    hits: Hits
+    share: Array
+    """Share of light for each pixel, shape (rows * columns,)."""
+    shape: tuple[int, int]
+
+    @classmethod
+    def cast(cls, hits: Hits, lighting: Lighting, shape: tuple[int, int]) -> "Corners":
+        """Finds the shares from what a picture shows.
+
+        Args:
+            hits: What all pixels show.
+            lighting: Says how far things take light from each other.
+            shape: Rows and columns of the picture.
+        """
+        if not lighting.shaded_m:
+            return cls(hits, np.ones(shape[0] * shape[1]), shape)
+        places = hits.places.astype(np.float32)
+        normals = hits.normals.astype(np.float32)
+        share = _openness(hits.geoms >= 0, places, normals, shape, lighting.shaded_m, _TAKEN)
+        share *= _openness(hits.geoms >= 0, places, normals, shape, _CLOSE_M, _TAKEN_CLOSE)
+        return cls(hits, np.maximum(_evened(share.reshape(shape), places, normals), _LEAST_OPEN), shape)
+
+    def at(self, hits: Hits, rows: Array, columns: Array) -> Array:
+        """Returns the share of light at places in pixels, from the pixels around that show the same surface."""
+        height, width = self.shape
+        row, column = np.rint(rows).astype(np.int64), np.rint(columns).astype(np.int64)
+        total, weight = np.zeros(len(row)), np.zeros(len(row))
+        for down in (-1, 0, 1):
+            for right in (-1, 0, 1):
+                other = np.clip(row + down, 0, height - 1) * width + np.clip(column + right, 0, width - 1)
+                near = _alike(hits, self.hits, other) + 1e-4
+                total += self.share[other] * near
+                weight += near
+        return total / weight
+
+
+def _openness(
+    there: Flags, places: Array, normals: Array, shape: tuple[int, int], reach_m: float, taken: float
+) -> Array:
+    """Returns the share of light from everywhere that reaches pixels past what the picture shows around them.
+
+    Places are asked that lie around the pixel, as far as things reach that take its light. Pixels of a square look in
+    different directions. The result has shape (n,).
     """
     height, width = shape
-    mine, rows, columns = hits[chosen], chosen // width, chosen % width
-    right = np.linalg.norm(hits.places[np.minimum(columns + 1, width - 1) + rows * width] - mine.places, axis=1)
-    down = np.linalg.norm(hits.places[columns + np.minimum(rows + 1, height - 1) * width] - mine.places, axis=1)
-    # The smaller step: the other one may lead to something far behind. At edges of the picture there is none.
-    step_m = np.maximum(
-        np.where(np.minimum(right, down) < _SMALL_M, np.maximum(right, down), np.minimum(right, down)), _SMALL_M
-    )
-    reach = np.clip(reach_m / step_m, 2.0, width / 5)
-    start = ((rows % _SLOTS) * _SLOTS + columns % _SLOTS) * (2 * np.pi / _SLOTS**2)
-    taken = np.zeros(len(rows))
+    grid = places.reshape(height, width, 3)
+    right, down = np.full(shape, np.inf, np.float32), np.full(shape, np.inf, np.float32)
+    right[:, :-1] = np.linalg.norm(grid[:, 1:] - grid[:, :-1], axis=2)
+    down[:-1] = np.linalg.norm(grid[1:] - grid[:-1], axis=2)
+    # The smaller step: the other one may lead to something far behind.
+    step_m = np.maximum(np.minimum(right, down), _SMALL_M).ravel()
+    reach = np.clip(reach_m / step_m, 2.0, width / 5).astype(np.float32)
+    slots = slots_of(shape)
+    rows, columns = (axis.ravel().astype(np.float32) for axis in np.indices(shape))
+    covered = np.zeros(height * width, np.float32)
+    x, y, z = (np.ascontiguousarray(axis) for axis in places.T)
+    right_n, away_n, up_n = (np.ascontiguousarray(axis) for axis in normals.T)
     for look in range(_LOOKS):
-        out = reach * sqrt((look + 0.5) / _LOOKS)
-        turn = np.array((cos(look * _GOLDEN_RAD), sin(look * _GOLDEN_RAD)))
-        across = out * (turn[0] * np.cos(start) - turn[1] * np.sin(start))
-        along = out * (turn[1] * np.cos(start) + turn[0] * np.sin(start))
-        row = np.clip(np.rint(rows + along).astype(np.int64), 0, height - 1)
-        column = np.clip(np.rint(columns + across).astype(np.int64), 0, width - 1)
-        ways = hits.places[row * width + column] - mine.places
-        away = np.maximum(np.linalg.norm(ways, axis=1), _SMALL_M)
-        over = np.einsum("ij,ij->i", ways, mine.normals) / away
-        near = np.clip(1 - (away / reach_m) ** 2, 0, 1) * (hits.geoms[row * width + column] >= 0)
-        taken += np.clip(over - _LEAST_SIN, 0, 1) * near
-    return np.clip(1 - _TAKEN * taken / _LOOKS, _LEAST_OPEN, 1)
+        out = reach * np.float32(sqrt((look + 0.5) / _LOOKS))
+        turns = look * _GOLDEN_RAD + np.arange(_SLOTS**2) * (2 * pi / _SLOTS**2)
+        # Nine digits: the last bits of cos and sin differ between C libraries.
+        across, along = (np.round(wave(turns), 9).astype(np.float32)[slots] for wave in (np.cos, np.sin))
+        row = np.clip(rows + out * along + 0.5, 0, height - 1).astype(np.int32)
+        column = np.clip(columns + out * across + 0.5, 0, width - 1).astype(np.int32)
+        other = row * width + column
+        dx, dy, dz = x[other] - x, y[other] - y, z[other] - z
+        square = np.maximum(dx * dx + dy * dy + dz * dz, _SMALL_M**2)
+        over = (dx * right_n + dy * away_n + dz * up_n) / np.sqrt(square)
+        near = np.clip(1 - square / np.float32(reach_m**2), 0, 1) * there[other]
+        covered += np.clip(over - np.float32(_LEAST_SIN), 0, 1) * near
+    return np.clip(1 - covered * np.float32(taken / _LOOKS), _LEAST_OPEN, 1)
+
+
+def _evened(share: Array, places: Array, normals: Array) -> Array:
+    """Evens out what the pixels of a square found in different directions, on one surface; returns shape (n,)."""
+    height, width = share.shape
+    half = _SLOTS // 2
+    x, y, z = (np.pad(axis.reshape(share.shape), half, mode="edge") for axis in places.T)
+    u, v, w = (np.pad(axis.reshape(share.shape), half, mode="edge") for axis in normals.T)
+    wide = np.pad(share, half, mode="edge")
+    mine = (slice(half, half + height), slice(half, half + width))
+    total, weight = np.zeros_like(share), np.zeros_like(share)
+    for down in range(2 * half + 1):
+        for right in range(2 * half + 1):
+            other = (slice(down, down + height), slice(right, right + width))
+            alike = np.maximum(u[mine] * u[other] + v[mine] * v[other] + w[mine] * w[other], 0) ** 4
+            apart = (
+                (x[mine] - x[other]) * u[mine] + (y[mine] - y[other]) * v[mine] + (z[mine] - z[other]) * w[mine]
+            ) / np.float32(_SAME_PLANE_M)
+            part = (0.5 if down in (0, 2 * half) else 1.0) * (0.5 if right in (0, 2 * half) else 1.0)
+            near = np.float32(part) * alike / (1 + apart * apart)
+            total += wide[other] * near
+            weight += near
+    return (total / np.maximum(weight, np.float32(1e-6))).ravel()
 
 
 def _shared(light: Array, hits: Hits, shape: tuple[int, int]) -> Array:
@@ -303,14 +385,16 @@ def _shared(light: Array, hits: Hits, shape: tuple[int, int]) -> Array:
     index = np.arange(height * width).reshape(shape)
     rows, columns = (axis.ravel() for axis in np.indices(shape))
     half = _SLOTS // 2
-    for step in (1, _SLOTS):
+    for step in (1, 2, _SLOTS):
         total, weight = np.zeros_like(light), np.zeros(len(light))
         for down in range(-half, half + 1):
             for right in range(-half, half + 1):
                 other = index[np.clip(rows + step * down, 0, height - 1), np.clip(columns + step * right, 0, width - 1)]
-                # Squares of one more than the slots: the outermost count half.
-                share = (0.5 if abs(down) == half else 1.0) * (0.5 if abs(right) == half else 1.0)
-                near = _alike(hits, hits, other) * share
+                # First all lamps count alike, in squares of one more than the slots whose outermost count half.
+                outer, inner = (0.5, 1.0) if step == 1 else (0.17, 0.67)
+                near = _alike(hits, hits, other)
+                for away in (abs(down), abs(right)):
+                    near = near * (outer if away == half else inner if away else 1.0)
                 if step > 1:
                     # Light that differs much is a shadow's edge, which stays.
                     near = near / (

@@ -18,15 +18,17 @@ from scipy import ndimage
 
 from ..geometry.parts import Vector
 from .ray_casting import Array, Camera, Hits, RayCaster
-from .ray_light import STEP, LightGrid, Lighting, slots_of, soft_light, turned_light
+from .ray_light import STEP, Corners, LightGrid, Lighting, slots_of, soft_light, turned_light
 from .reflections import Reflections, Shade
 
 GAMMA = 2.2
 """Power that turns colours, as screens have them, into amounts of light."""
 
 _SUB_PIXELS = ((-0.375, -0.125), (0.125, -0.375), (0.375, 0.125), (-0.125, 0.375))
-_MIDDLE = 0.49
-"""Light in the middle of a well exposed picture of a bright room, where 1 is white."""
+_MIDDLE, _HIGHLIGHT = 0.48, 1.4
+"""Light in the middle of a well exposed picture of a bright room, and that which a tenth is brighter than at most."""
+_BALANCE = 0.6
+"""Share of a room's tint of light that a photographer takes away: walls of wood make everything yellow."""
 _VIEW = 2.3
 """Light of a white thing outside, over that of one in the picture's middle: photographers expose for both."""
 _DAYLIGHT, _SUNLIGHT = 0.55, 0.6
@@ -36,14 +38,13 @@ _LINE_PX = 8
 _SUN_EDGE_PX = 3
 """Number of pixels beside sunny ones that may have some sun: as far as neighbours share it."""
 
-_FILM = np.array([[0.842479, 0.0423283, 0.0423756], [0.0784336, 0.878469, 0.0784336], [0.0792237, 0.0791661, 0.879142]])
-"""Mixture of red, green and blue light on film, a row for each."""
-_PAPER = np.linalg.inv(_FILM)
-_DARKEST_EV, _BRIGHTEST_EV = -12.47393, 4.026069
-"""Ends of the film's range, in doublings of light."""
-_CONTRAST, _COLORFUL = 1.34, 1.2
-"""Factors of contrast and of colour, a little more than film has: rooms are less bright than landscapes."""
-_BRIGHTNESS = np.array((0.2126, 0.7152, 0.0722))
+_KNEE = 0.25
+"""Light up to which paper shows what is there; brighter places come ever more slowly to white."""
+_PALER = 0.4
+"""Share of the colour that bright places lose as on film; the rest is as bright, and has the hue it had."""
+_DEPTH = 0.18
+"""Strength of the curve that makes dark places darker and bright ones brighter, around the middle."""
+_BRIGHTNESS = np.array((0.2126, 0.7152, 0.0722), np.float32)
 
 Look = Callable[[Hits], Array]
 """Function that returns the colours at ray hits, 0 to 1 in sRGB, shape (n, 3).
@@ -90,14 +91,16 @@ class RayPicture(RayCaster):
             hits = self.hits(camera.place, camera.rays(width, height, columns, rows))
             glass = self.through_glass(camera.place, camera.rays(width, height, columns, rows), hits)
         shape = (height, width)
-        grid = LightGrid.cast(self, hits, lighting, shape).refined(self, hits, lighting, shape)
+        grid = LightGrid.cast(self, hits, lighting, shape, closely=True).refined(self, hits, lighting, shape)
         sun = self._sun(hits, lighting, shape)
+        corners = Corners.cast(hits, lighting, shape)
         shot = _Shot(camera, lighting, grid, sun)
-        common = shot.light(hits, rows, columns)
+        common = shot.light(hits, rows, columns, corners.share)
         # Bumps and rounded edges are the same for all rays of a pixel.
         common = common * self._turned(hits, common)[:, None]
         scale = self._scale(shot, hits, common) if lighting.exposed else None
-        shot.view = _VIEW / scale if scale else 1.0
+        if scale is not None:
+            shot.view = _VIEW / scale
         shot.mirror = Reflections.cast(self, camera, hits, grid, lighting, shot.shader(self._shade), shape)
         edge = _edges(hits, glass, shape).ravel()
         total = np.zeros((height * width, 3))
@@ -108,7 +111,8 @@ class RayPicture(RayCaster):
             with self.before(camera):
                 again = self.hits(camera.place, rays[edge])
                 clear = self.through_glass(camera.place, rays[edge], again)
-            lit = shot.light(again, rows[edge] + down, columns[edge] + right)
+            where = rows[edge] + down, columns[edge] + right
+            lit = shot.light(again, *where, corners.at(again, *where))
             seen = self._shade(shot, again, lit * self._turned(again, lit)[:, None])
             seen = shot.mirror.added(seen, again, rows[edge], columns[edge])
             colors[edge] = _finished(seen, clear, scale)
@@ -158,27 +162,30 @@ class RayPicture(RayCaster):
             seen[open_air] = bright[open_air] * (_DAYLIGHT + _SUNLIGHT * facing) * shot.view
         return seen
 
-    def _scale(self, shot: "_Shot", hits: Hits, light: Array) -> float:
-        """Returns what light is multiplied by for a picture that is neither dark nor pale."""
+    def _scale(self, shot: "_Shot", hits: Hits, light: Array) -> Array:
+        """Returns what red, green and blue are multiplied by for a picture that is not dark, pale or tinted."""
         few = np.flatnonzero(hits.geoms >= 0)[:: STEP * STEP]
         bright = self._shade(shot, hits[few], light[few]).mean(axis=1)
         # Few bright places, such as patches of sun, do not darken the room.
-        return _MIDDLE / max(float(np.minimum(bright, 1.5 * np.median(bright)).mean()), 1e-3)
+        scale = _MIDDLE / max(float(np.minimum(bright, 1.5 * np.median(bright)).mean()), 1e-3)
+        scale = min(scale, _HIGHLIGHT / max(float(np.quantile(bright, 0.9)), 1e-3))
+        tint = np.maximum(np.minimum(light[few, :3], 1.5 * np.median(light[few, :3])).mean(axis=0), 1e-3)
+        return scale * (tint.mean() / tint) ** _BALANCE
 
 
 class _Shot:
     """A camera with its light, while a picture is drawn."""
 
     mirror: Reflections
-    view = 1.0
+    view: Array | float = 1.0
     """Light of a white thing outside, as it is seen in the picture."""
 
     def __init__(self, camera: Camera, lighting: Lighting, grid: LightGrid, sun: LightGrid | None) -> None:
         self.camera, self.lighting, self._grid, self._sun_at = camera, lighting, grid, sun
 
-    def light(self, hits: Hits, rows: Array, columns: Array) -> Array:
-        """Returns the light at places and how it leans, shape (n, 6)."""
-        light = np.hstack(self._grid.at(hits, rows, columns))
+    def light(self, hits: Hits, rows: Array, columns: Array, share: Array) -> Array:
+        """Returns the light at places and how it leans, shape (n, 6); corners get a share of what is no sunlight."""
+        light = np.hstack(self._grid.at(hits, rows, columns)) * share[:, None]
         if self._sun_at is not None:
             grid = self._sun_at
             height, width = grid.shape
@@ -198,7 +205,7 @@ def _widened(marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(ndimage.binary_dilation(marked, iterations=_SUN_EDGE_PX), np.bool_)
 
 
-def _finished(seen: Array, glass: Array, scale: float | None) -> Array:
+def _finished(seen: Array, glass: Array, scale: Array | None) -> Array:
     """Returns the colours of a picture as eyes see them, from 0 to 1.
 
     `glass` says which pixels are seen through glass. Light is multiplied by `scale`; `None` compresses it as film does.
@@ -212,25 +219,23 @@ def _finished(seen: Array, glass: Array, scale: float | None) -> Array:
 
 
 def _developed(seen: Array) -> Array:
-    """Returns colours of light on film, from 0 to 1: bright places become pale slowly, dark ones keep their drawing.
+    """Returns colours of light on paper, from 0 to 1: whites are white, and bright places keep their drawing."""
+    seen = seen.astype(np.float32)
+    strongest = seen.max(axis=1)
+    level = (strongest + seen @ _BRIGHTNESS) / 2
+    kept = seen * (_paper(level) / np.maximum(level, 1e-6))[:, None]
+    # What one colour has over white becomes paler.
+    bright, strongest = kept @ _BRIGHTNESS, kept.max(axis=1)
+    share = np.clip((1 - bright) / np.maximum(strongest - bright, 1e-6), 0, 1)
+    kept = bright[:, None] + (kept - bright[:, None]) * share[:, None]
+    shown = np.clip(_PALER * _paper(seen) + (1 - _PALER) * kept, 0, 1) ** np.float32(1 / GAMMA)
+    return shown + _DEPTH * shown * (1 - shown) * (2 * shown - 1)
 
-    It is the curve of T. Sobotka's AgX, by the fit of B. Wrensch, with a little more colour.
-    """
-    mixed = np.clip((np.log2(np.maximum(seen @ _FILM, 1e-9)) - _DARKEST_EV) / (_BRIGHTEST_EV - _DARKEST_EV), 0, 1)
-    square = mixed * mixed
-    curve = (
-        15.5 * square**3
-        - 40.14 * square * square * mixed
-        + 31.96 * square * square
-        - 6.868 * square * mixed
-        + 0.4298 * square
-        + 0.1191 * mixed
-        - 0.00232
-    )
-    curve = np.clip(curve, 0, 1) ** _CONTRAST
-    bright = (curve @ _BRIGHTNESS)[:, None]
-    colors = (bright + (curve - bright) * _COLORFUL) @ _PAPER
-    return np.clip(colors, 0, 1)
+
+def _paper(light: Array) -> Array:
+    """Returns the brightness of paper for light."""
+    rest = 1 - _KNEE
+    return np.where(light < _KNEE, light, 1 - rest * np.exp(np.minimum((_KNEE - light) / rest, 0)))
 
 
 def _on_plane(camera: Camera, rays: Array, hits: Hits) -> Array:

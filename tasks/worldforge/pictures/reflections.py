@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .ray_casting import Array, Camera, Hits, Ids, RayCaster
-from .ray_light import STEP, LightGrid, Lighting
+from .ray_light import STEP, Corners, LightGrid, Lighting
 
 _MIRROR = 0.5
 """Share of mirrored light above which a surface is a mirror: what it shows is as sharp as the rest."""
@@ -168,6 +168,8 @@ def _seen(
         size = (bottom - top, right - left)
         grid = LightGrid.cast(caster, hits, lighting, size)
         light, lean = grid.at(hits, *(axis.ravel().astype(float) for axis in np.mgrid[0 : size[0], 0 : size[1]]))
+    share = Corners.cast(hits, lighting, size).share[:, None]
+    light, lean = light * share, lean * share
     # Places that the sun may shine on are asked for its middle only: what is mirrored need not be finer.
     if lighting.sun:
         light = light + lighting.sun(hits, np.zeros(len(light), np.int64))

@@ -32,15 +32,17 @@ _STANDING_M = 0.02
 """Distance in metres of such a lamp's light from its shade, which would hide it."""
 _LAMP_M, _BELOW_CEILING_M = 0.17, 0.15
 """Radius of a lamp and its distance from the ceiling, under its shade, in metres."""
-_SUN_POWER = 5.5
+_SUN_POWER = 4.4
 """Light of the sun on a white sheet that faces it."""
 _SUN_COLOR = np.array((1.0, 0.89, 0.71))
 _SUN_RISE = 0.5
 """Tangent of the sun's height: its patches lie in the half of the room that is near the window."""
+_BLUR, _BLUR_LOOKS = 0.008, 6
+"""Radius of points outside that are out of focus, over their distance, and number of directions that are averaged."""
 _SUN_FAR_M = 60.0
-_SUN_RADIUS = 0.022
+_SUN_RADIUS = 0.013
 """Radius of the sun, as one sees it through thin clouds, over its distance: edges of its patches are soft."""
-_AMBIENT = 0.03
+_AMBIENT = 0.06
 """Light that was thrown back more than once."""
 _AGAIN_SETS = 3
 """Number of sets of lamps for light that was thrown back twice."""
@@ -97,12 +99,24 @@ def room_lighting(caster: RayCaster, looks: Looks, world: World, room: Room) -> 
         ambient=(_AMBIENT, _AMBIENT, _AMBIENT),
         sun=sun.light if sun.openings else None,
         toward_sun=_vector(sun.toward),
-        outside=lambda rays: outside(rays) ** GAMMA,
+        outside=_out_of_focus,
         outdoors=looks.outdoors,
         shaded_m=_SHADED_M,
         exposed=True,
         gloss=looks.gloss(),
     )
+
+
+def _out_of_focus(rays: Array) -> Array:
+    """Returns the light from outside in directions, shape (n, 3), as a lens shows it that is set on the room."""
+    light = np.zeros((len(rays), 3))
+    aside = np.stack([rays[:, 1], -rays[:, 0], np.zeros(len(rays))], axis=1)
+    for number in range(_BLUR_LOOKS):
+        out, turn = _BLUR * sqrt((number + 0.5) / _BLUR_LOOKS), number * 2.399963
+        moved = rays + out * cos(turn) * aside
+        moved[:, 2] += out * sin(turn)
+        light += outside(moved) ** GAMMA
+    return light / _BLUR_LOOKS
 
 
 def _neighbours(world: World, room: Room) -> list[Room]:

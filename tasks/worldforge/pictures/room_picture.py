@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 from PIL import Image
 
+from ....schemas.wire.request_problems import nearest_of
 from ....schemas.worlds.world import Furniture, GazeboSource, Room, World, contains
 from ..geometry.boxes import box_of, hits, room_rects
 from ..geometry.parts import Vector
@@ -26,8 +27,8 @@ from .room_looks import Looks
 EYE_M = 1.45
 """Height of the camera above the floor, in metres: that of photographs of rooms."""
 
-_FOV_DEG = 67.0
-"""Angle of view from left to right, in degrees: wider ones draw things at the edges out of shape."""
+_FOV_DEG = 75.0
+"""Angle of view from left to right, in degrees: that of a lens for rooms. Wider ones draw things out of shape."""
 _DROP = 0.15
 """Distance of the picture's middle below the horizon, over its distance: one sees more of floors than of ceilings."""
 _BEHIND_M = (0.55, 1.1, 1.7)
@@ -50,8 +51,8 @@ _TOLD_FROM_M = 1.0
 _NEAR_M, _BEFORE_EYES_M = 1.0, 0.5
 _FOREGROUND_M, _RIM_M = 1.7, 2.4
 """Furniture that is nearer hides what lies behind it, and is too near to be cut by the picture's edge."""
-_RIM_COST = 4.0
-"""Loss for a picture whose whole edge cuts furniture that is near."""
+_RIM_COST, _FOREGROUND_COST = 8.0, 6.0
+"""Losses for a picture whose whole edge cuts things that are near, and for one that they fill."""
 _BARE_SHARE = 0.5
 """Share of the picture above which walls and ceilings are bare: it shows nothing of the room."""
 _WINDOW_SHARE = 0.1
@@ -62,7 +63,7 @@ _BESIDE_M, _BEFORE_SHARE = 2.2, 0.8
 """Distance in metres of tall things at the sides that is too near; share of the usual distance in the middle."""
 _TALL_M, _BEFORE_M = 1.15, 2.6
 """Height and distance of furniture, such as a floor lamp, that stands before the eyes in the middle of a picture."""
-_CUT = 2.0
+_CUT = 3.5
 """Loss of what a piece tells, for each share of it that lies at the picture's edge."""
 _FILLS_SHARE = 0.16
 """Share of the picture above which one piece of furniture hides the rest."""
@@ -101,8 +102,8 @@ def room_picture(world: World, room: str, width_px: int = 960, height_px: int = 
     """
     found = next((each for each in world.floorplan.rooms if each.name == room), None)
     if found is None:
-        names = ", ".join(each.name for each in world.floorplan.rooms)
-        raise ValueError(f"room {room!r}: the world has none of this name; one of {names} would be right")
+        names = [each.name for each in world.floorplan.rooms]
+        raise ValueError(f"room {room!r}: the world has none of this name{nearest_of(room, names, 'its rooms are')}")
     model = decorated_model(world)
     looks = Looks(model, world)
     picture = RayPicture(model, looks.colors, bend=looks.bent)
@@ -180,7 +181,7 @@ class _View:
         self._piece = np.array([numbers.get(name.partition(".")[0], -1) for name in names])
         self._floor = np.array([name.startswith(("floor_", "rug_")) for name in names])
         self._bare = np.array([name.startswith(("wall_", "ceiling_")) for name in names])
-        self._thing = np.array([not name.startswith(_BUILDING) for name in names])
+        self._thing = np.array([not name.startswith((*_BUILDING, "rug_")) for name in names])
         self._door = np.array([name.startswith("door-") for name in names])
         main = _MAIN.get(room.type, ())
         self._enough = np.array([_MAIN_SHARE if item.model_type in main else _TOLD_SHARE for item in pieces])
@@ -217,10 +218,10 @@ class _View:
         score -= 3.0 * max(float((self._bare[known] & met).mean()) - _BARE_SHARE, 0.0)
         every = np.bincount(self._piece[known][met & (self._piece[known] >= 0)], minlength=len(self._weights))
         score -= 3.0 * float(np.clip(every / len(rays) - _FILLS_SHARE, 0, None).sum())
-        furniture = met & (self._piece[known] >= 0)
-        score -= 4.0 * float((furniture & (ahead < _FOREGROUND_M)).mean())
-        score -= _RIM_COST * float((furniture & (ahead < _RIM_M))[self._rim].mean())
-        tall = self._thing[known] & met & (places[:, 2] > _TALL_M)
+        things = met & self._thing[known]
+        score -= _FOREGROUND_COST * float((things & (ahead < _FOREGROUND_M)).mean())
+        score -= _RIM_COST * float((things & (ahead < _RIM_M))[self._rim].mean())
+        tall = things & (places[:, 2] > _TALL_M)
         before = max(_BEFORE_M, _BEFORE_SHARE * float(np.median(seen)))
         score -= 30.0 * float((tall & (ahead < np.where(self._center, before, _BESIDE_M))).mean())
         near = met & (ahead < _NEAR_M)

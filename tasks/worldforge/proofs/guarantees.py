@@ -3,11 +3,19 @@
 It needs only the measurements that `world.json` holds; `checks` takes them.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Literal, NamedTuple
 
 from ....schemas.wire.common import counted
-from ....schemas.worlds.world import GazeboSource, Guarantee, RoomMeasures, StabilityChecks, World, WorldChecks
+from ....schemas.worlds.world import (
+    GazeboSource,
+    Guarantee,
+    Passage,
+    RoomMeasures,
+    StabilityChecks,
+    World,
+    WorldChecks,
+)
 
 MAX_PENETRATION_M = 0.005
 MIN_CELLS = 5
@@ -24,7 +32,7 @@ MAX_SUNK_M = 0.01
 MOST_TOLD = 10
 """Limit of the overlaps that are named in a message."""
 
-Verdict = Literal["holds", "broken", "not measured", ""]
+Verdict = Literal["holds", "broken", "not measured", "warning", ""]
 
 
 class ProofLine(NamedTuple):
@@ -33,7 +41,7 @@ class ProofLine(NamedTuple):
     name: str
     value: str
     verdict: Verdict
-    """Whether a world's guarantee holds; empty for a number that guarantees nothing."""
+    """Whether a world's guarantee holds; `warning`: it holds, but not as doors stand; empty: it is no guarantee."""
 
 
 def violations(checks: WorldChecks) -> list[str]:
@@ -85,13 +93,16 @@ def rooms_apart(checks: WorldChecks) -> list[str]:
 
 def proof_lines(world: World) -> list[ProofLine]:
     """Lists the measurements of a world, as lines for people."""
+    from .standing_doors import rooms_behind_doors  # it needs numpy, and `violations` does not
+
     checks = world.checks
+    behind = rooms_behind_doors(world)
     measured = (
         []
         if checks is None
         else [
-            *_plan_lines(checks),
-            *_room_lines(checks),
+            *_plan_lines(checks, world, behind),
+            *_room_lines(checks, behind),
             *_physics_lines(checks, world),
             _geoms_line(world, checks),
             *_file_lines(world, checks),
@@ -100,32 +111,45 @@ def proof_lines(world: World) -> list[ProofLine]:
     return [*measured, *_origin_lines(world)]
 
 
-def _plan_lines(checks: WorldChecks) -> Iterator[ProofLine]:
+def _plan_lines(checks: WorldChecks, world: World, behind: Sequence[str]) -> Iterator[ProofLine]:
     apart = rooms_apart(checks)
     rooms, ways = counted(len(checks.rooms), "room"), counted(len(checks.room_graph), "way")
     joined = f"no way to {', '.join(apart)}" if apart else f"{rooms}, {ways}"
     if checks.rooms:
         yield ProofLine("Rooms joined", joined, _verdict(not apart))
-    for way in checks.room_graph:
+    for way, passage in zip(checks.room_graph, world.floorplan.passages, strict=False):
         kind = way.kind if way.door is None else f"{way.kind} with {way.door}"
         wide = _verdict(way.clear_width_m >= MIN_PASSAGE_M)
-        yield ProofLine(" - ".join(way.rooms), f"{kind}, {way.clear_width_m:.2f} m clear", wide)
+        yield ProofLine(" - ".join(way.rooms), f"{kind}, {way.clear_width_m:.2f} m clear{_as_it_stands(passage)}", wide)
     share = f"{checks.reachable_share:.1%} of where a disc of {checks.robot_radius_m:g} m radius fits"
     share += "" if checks.reachable_m2 is None else f", {checks.reachable_m2:.1f} m²"
     reached = all(cells >= MIN_CELLS for cells in checks.reachable_cells.values()) and not checks.unreachable_goals
     yield ProofLine("Reachable from the origin", share, _verdict(reached))
-    if checks.closed_off_rooms:
-        yield ProofLine("Behind doors not open enough", ", ".join(checks.closed_off_rooms), "")
+    if behind:
+        more = f"; a robot of {checks.robot_radius_m:g} m radius has to push a door to get there"
+        yield ProofLine("Behind doors not open enough", ", ".join(behind) + more, "warning")
     clear = "clear" if checks.origin_clear else "not clear"
     yield ProofLine(f"Cylinder of {2 * ORIGIN_RADIUS_M:g} m at the origin", clear, _verdict(checks.origin_clear))
 
 
-def _room_lines(checks: WorldChecks) -> Iterator[ProofLine]:
+def _as_it_stands(passage: Passage) -> str:
+    """Says what is clear of a passage whose door is not fully open at first, after what is clear when it is."""
+    from .standing_doors import clear_as_it_stands_m, stands_open
+
+    if passage.door is None or stands_open(passage):
+        return ""
+    if passage.door.open_percent <= 0:
+        return " when open; it stands closed"
+    return f" when open; {clear_as_it_stands_m(passage):.2f} m as it stands, {passage.door.open_percent:g} % open"
+
+
+def _room_lines(checks: WorldChecks, behind: Sequence[str]) -> Iterator[ProofLine]:
     measures = {room.name: room for room in checks.rooms}
     for name, cells in checks.reachable_cells.items():
         kept = cells >= MIN_CELLS and name not in checks.unreachable_goals
         room = measures.get(name)
-        value = f"{cells} cells reached" + ("" if room is None else _adherence(room))
+        opened = " when doors are open" if name in behind else ""
+        value = f"{cells} cells reached{opened}" + ("" if room is None else _adherence(room))
         yield ProofLine(name, value, _verdict(kept))
 
 

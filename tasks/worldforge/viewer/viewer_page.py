@@ -7,7 +7,8 @@ import base64
 import io
 import re
 import zipfile
-from functools import cache
+from collections.abc import Callable
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -112,27 +113,32 @@ def _bounds(world: World) -> tuple[list[float], list[float]]:
     return low, [east + wall, world.floorplan.ceiling_height_m, wall - south]
 
 
-def write_pictures(world: World, bundle: Path, folder: Path) -> list[Path]:
+def write_pictures(
+    world: World, bundle: Path, folder: Path, tell: Callable[[str], None] = lambda _: None
+) -> list[Path]:
     """Writes pictures of a world: floor plan, view from above, and one for each room.
 
     Args:
         world: The world.
         bundle: Bundle of the world, whose preview is used if there is one.
         folder: Target folder, created if necessary.
+        tell: Called with a line about each picture before it is drawn, as each may take a minute.
 
     Returns:
         The files: the plan, the view from above, then one for each room in the plan's order.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    plan, preview = folder / PLAN_FILE, folder / PREVIEW_FILE
-    plan.write_text(floorplan_svg(world), encoding="utf-8")
-    preview.write_bytes(preview_png(world, bundle))
-    written = [plan, preview]
+    drawings: dict[str, Callable[[], bytes]] = {
+        PLAN_FILE: lambda: floorplan_svg(world).encode(),
+        PREVIEW_FILE: lambda: preview_png(world, bundle),
+    }
     for number, room in enumerate(world.floorplan.rooms, 1):
-        path = folder / f"room-{number}-{re.sub(r'[^A-Za-z0-9_-]+', '_', room.name)}.png"
-        path.write_bytes(room_picture(world, room.name))
-        written.append(path)
-    return written
+        name = f"room-{number}-{re.sub(r'[^A-Za-z0-9_-]+', '_', room.name)}.png"
+        drawings[name] = partial(room_picture, world, room.name)
+    for number, (name, draw) in enumerate(drawings.items(), 1):
+        tell(f"picture {number} of {len(drawings)}: {name}")
+        (folder / name).write_bytes(draw())
+    return [folder / name for name in drawings]
 
 
 def preview_png(world: World, bundle: Path) -> bytes:

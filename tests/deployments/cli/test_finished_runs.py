@@ -7,7 +7,7 @@ import pytest
 from helpers.cartpole_spec import poles
 
 from prefect_robomaker.deployments.cli import prefect_server
-from prefect_robomaker.deployments.cli.pipelines import carry_out
+from prefect_robomaker.deployments.cli.specification_run import carry_out
 from prefect_robomaker.schemas.reports.live_comparison import Against
 from prefect_robomaker.schemas.reports.run_record import Order
 from prefect_robomaker.schemas.settings import Settings

@@ -1,15 +1,21 @@
 """Usage, errors and exit codes."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from helpers.night_records import make_night, store_night
 
+from prefect_robomaker.deployments.cli import grammar
 from prefect_robomaker.deployments.cli.commands.operations import call
 from prefect_robomaker.deployments.cli.grammar import EPILOGUE
+from prefect_robomaker.deployments.prefect_server.outage import Health, Outage
+from prefect_robomaker.deployments.prefect_server.patient_requests import PrefectServerAwayError
 from prefect_robomaker.schemas import exit_codes
+from prefect_robomaker.schemas.operations.registry import OPERATION_GROUPS
 from prefect_robomaker.schemas.reports.run_exit_codes import EXIT_CODES
 
 
@@ -48,10 +54,50 @@ def test_wrong_usage_ends_with_2_and_a_suggestion(robomaker) -> None:
         ),
         (("world", "show", ""), "robomaker world show: WORLD is empty; "),
         (("world", "veiw", "x"), "there is no 'veiw'; did you mean 'view'?"),
+        (("why", "latest"), "there is no 'why'; reasons of failures are in `robomaker report RUN`\n"),
+        (("ls",), "there is no 'ls'; runs are listed by `robomaker history`\n"),
     ]:
         ended = robomaker(*words)
         assert (ended.code, ended.out) == (2, "")
         assert expected in ended.err
+
+
+def test_words_that_users_try_are_no_commands_and_name_one_that_is() -> None:
+    commands = {command.name for group in grammar.find_groups() for command in group.commands}
+    operations = {operation.name for group in OPERATION_GROUPS.values() for operation in group}
+    for word, told in grammar.TRIED_WORDS.items():
+        named = re.findall(r"`robomaker ([\w-]+)(?: (\w+))?", told)
+        assert word not in commands
+        assert named, told
+        for command, operation in named:
+            assert command in commands | {"--version", "--help"}
+            assert command != "call" or operation in operations
+
+
+def test_worlds_and_jobs_are_no_actions_and_the_message_names_what_lists_them(robomaker) -> None:
+    assert "there is no 'list'; `robomaker call ListWorlds` lists worlds" in robomaker("world", "list").err
+    assert "`robomaker call ListSimulationJobs` lists jobs" in robomaker("job", "list").err
+    ended = robomaker("run", "list")
+    assert (ended.code, ended.out) == (2, "")
+    assert ended.err == (
+        "robomaker: list: no such file or directory; a specification is a file, and runs are listed by "
+        "`robomaker history`\n"
+    )
+
+
+def test_the_help_says_where_failures_are_explained_and_what_lists_runs_jobs_and_worlds(robomaker) -> None:
+    told = robomaker("--help").out
+    for words in ("why jobs failed", "robomaker history", "ListSimulationJobs", "ListWorlds: the newest worlds"):
+        assert words in told
+
+
+def test_a_run_that_is_given_for_a_specification_is_told(robomaker, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setenv("ROBOMAKER_HOME", str(tmp_path))
+    store_night(make_night("P", runs=tmp_path / "runs"))
+    assert (
+        "nightl: no such file or directory; a specification is a file; there are runs of nightly: `robomaker rerun "
+        "nightly` runs it again, `robomaker report nightly` tells how it went"
+    ) in robomaker("run", "nightl").err
 
 
 def test_version(robomaker) -> None:
@@ -83,6 +129,22 @@ def test_defects_show_a_traceback_only_when_asked(robomaker, monkeypatch) -> Non
     assert "Traceback" not in ended.err
     assert "Traceback" in robomaker("call", "ListWorlds", "--debug").err
     assert "Traceback" in robomaker("--debug", "call", "ListWorlds").err
+
+
+def test_a_prefect_server_that_is_away_is_no_defect(robomaker, monkeypatch) -> None:
+    told = Outage("http://127.0.0.1:9/api", lambda: Health.AWAY, lambda _: None, is_own=True)
+    told.look(0.0)
+
+    def away(_: object) -> int:
+        raise PrefectServerAwayError(told.in_words)
+
+    monkeypatch.setattr(call, "execute", away)
+    ended = robomaker("call", "ListWorlds")
+    assert ended.code == 3
+    assert ended.err == (
+        "robomaker: the Prefect server at http://127.0.0.1:9/api was stopped; "
+        "the next `robomaker run` starts it again\n"
+    )
 
 
 def test_interruption_ends_with_130(robomaker, monkeypatch) -> None:

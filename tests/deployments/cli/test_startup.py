@@ -96,3 +96,34 @@ def test_nothing_heavy_is_imported() -> None:
         assert not set(HEAVY).intersection(about["imported"]), line
         if line.split() in LIGHT:
             assert not {"pydantic", "ruamel", "rich", "jmespath"}.intersection(about["imported"]), line
+
+
+NO_PREFECT_YET = """
+import sys
+from prefect_robomaker.deployments.cli import prefect_server
+
+def answer(*_, **__):
+    print("has Prefect" if "prefect" in sys.modules else "may choose")
+    raise SystemExit(99)
+
+prefect_server.use_server = answer
+"""
+
+
+def test_commands_that_run_jobs_choose_a_prefect_server_before_prefect_is_imported(tmp_path: Path) -> None:
+    """Prefect reads the server's address, and that it shall be quiet, when it is imported."""
+    lines = [
+        ["run", QUICKSTART],
+        ["plan", QUICKSTART, "--probe"],
+        ["challenge", QUICKSTART],
+        ["doctor", "--backend", "local"],
+        ["server", "start"],
+        ["serve"],
+    ]
+    expected = [(line, 99) for line in lines]
+    words = [sys.executable, "-c", NO_PREFECT_YET + PROBE, json.dumps(expected)]
+    environ = {**os.environ, "ROBOMAKER_HOME": str(tmp_path / "home")}
+    ended = subprocess.run(words, capture_output=True, text=True, check=False, env=environ)
+    assert ended.returncode == 0, ended.stderr
+    for line, about in json.loads(ended.stdout).items():
+        assert about["said"].splitlines()[-1] == "may choose", line

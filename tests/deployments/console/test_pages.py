@@ -16,11 +16,12 @@ from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
 from prefect_robomaker.schemas.reports.challenge import Challenge, ChallengedJob, SabotageResult
 from prefect_robomaker.schemas.reports.live_comparison import AgainstAnswer
 from prefect_robomaker.schemas.reports.names import name_label
-from prefect_robomaker.schemas.reports.run_record import RerunOf
+from prefect_robomaker.schemas.reports.run_record import Order, RerunOf
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.causes.explanation import explain
 from prefect_robomaker.tasks.causes.stored import write_why
+from prefect_robomaker.tasks.nights.open_runs import OpenRun
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
@@ -89,42 +90,21 @@ def test_the_first_page_shows_what_runs_and_what_failed(
     assert "drives: 2 m of 9 m" in page
 
 
-def test_a_batch_shows_its_rate_and_its_failures(browser: Any, store_job: StoreJob, store_batch: StoreBatch) -> None:
-    batch = store_batch(6)
-    for index in range(3):
-        store_job(batch=batch, request_index=index, verdict="PASS")
-    store_job("Failed", batch=batch, request_index=3, failure_code="RobotApplicationCrash", failure_reason="boom")
-    failed = store_job(batch=batch, request_index=4, verdict="FAIL", verdict_reason="late", files={"poster.png": b"p"})
-    page = browser.get(f"/console/batches/{id_of(batch)}").text
-
-    assert "3 of 4 that were judged" in page
-    assert "95&nbsp;% interval 30 to 95&nbsp;%" in page
-    assert "5 of 6 jobs ended" in page
-    assert "RobotApplicationCrash: boom" in page
-    assert f'src="/console/jobs/{failed}/files/poster.png"' in page
-    assert "request 6: waiting" in page
-
-
-def test_a_batch_shows_which_jobs_only_draw_or_store_and_where_the_time_went(
-    browser: Any, store_job: StoreJob, store_batch: StoreBatch
-) -> None:
-    batch, ended = store_batch(4), "2026-11-28T23:00:00+00:00"
-    done = {"simulationTimeMillis": 8000, "videoS": 4.0, "uploadS": 1.5, "waitedS": {"memory": 3.0}}
-    shown = store_job(verdict="FAIL", batch=batch, requestIndex=0, **done)
-    for index, (status, since) in enumerate((("Running", None), ("Running", ended), ("Terminating", ended)), 1):
-        store_job(status, batch=batch, requestIndex=index, simulatedAt=since)
-    page = browser.get(f"/console/batches/{id_of(batch)}").text
-    words = "waiting 3.0 s, simulation 8.0 s, videos of failures 4.0 s, uploads 1.5 s"
-    assert f"Where the time went, all jobs together: {words}" in page
-    looks = re.findall(r"</svg>(?:<span>)?(running|drawing|storing)", page.partition('class="grid')[0])
-    assert looks == ["running", "running", "drawing", "storing"]  # the batch, then its jobs
-    assert "1 of 4 jobs ended" in page
-    assert f"Where the time went: {words}" in browser.get(f"/console/jobs/{shown}").text
-    filmed = store_job(verdict="FAIL", request={"tags": {"robomaker:video": "always"}}, **done)
-    assert (
-        "simulation with its videos 8.0 s, last seconds of failures 4.0 s"
-        in browser.get(f"/console/jobs/{filmed}").text
-    )
+def test_a_run_that_goes_on_is_shown_before_it_has_jobs(browser: Any, service: Service) -> None:
+    run_id = "nightly-20260301T020000000"
+    folder = service.settings.home / "runs" / run_id
+    folder.mkdir(parents=True)
+    order = Order(run_id=run_id, text="", filename="", spec_path="", command=["true"])
+    run = OpenRun.begin(folder, order)
+    try:
+        page = browser.get("/console").text
+        assert f'href="/console/runs/{run_id}"' in page
+        assert "<strong>nightly</strong>" in page
+        assert "Nothing runs now." not in page
+        assert "It has none yet." in browser.get(f"/console/runs/{run_id}").text
+    finally:
+        run.end()
+    assert "Nothing runs now." in browser.get("/console").text
 
 
 def test_a_run_is_compared_with_nights_of_its_specification_only(browser: Any, service: Service) -> None:
@@ -134,12 +114,14 @@ def test_a_run_is_compared_with_nights_of_its_specification_only(browser: Any, s
         update={"rerun_of": RerunOf(run_id=first.run_id, selection="failed", jobs_total=2, earlier={})}
     )
     challenge = make_night("PF", 3, runs=runs).model_copy(update={"probe": True, "challenge": Challenge(sabotages=[])})
-    for record in (first, shown, last, rerun, challenge, make_night("P", 4, name="nightly-flats", runs=runs)):
+    refused = make_night("", 5, runs=runs).model_copy(update={"state": "broken"})
+    for record in (first, shown, last, rerun, challenge, refused, make_night("P", 4, name="nightly-flats", runs=runs)):
         store_night(record)
 
     page = browser.get(f"/console/runs/{shown.run_id}").text
 
     assert re.findall(r'<option value="([^"]*)"( selected)?>', page) == [(last.run_id, ""), (first.run_id, " selected")]
+    assert f">2026-03-07 02:00, 1 of 2 jobs passed ({last.run_id})<" in page
 
 
 def test_a_job_that_never_ran_prints_no_command_that_repeats_it(browser: Any, store_job: StoreJob) -> None:

@@ -1,7 +1,6 @@
 """What there is to deploy: names, texts, and what a specification keeps and needs."""
 
 import re
-from pathlib import Path
 
 import pytest
 from botocore import xform_name
@@ -10,7 +9,6 @@ from helpers.paths import REPOSITORY
 from prefect_robomaker.deployments.deploying.deployables import (
     Deployable,
     deployment_name,
-    missing_objects,
     needs_of,
     operation_deployables,
     spec_deployable,
@@ -18,7 +16,6 @@ from prefect_robomaker.deployments.deploying.deployables import (
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.tasks.operations.registry import registry
-from prefect_robomaker.tasks.storage.directory import DirectoryStore
 
 EXAMPLES = REPOSITORY / "deployments" / "specs" / "examples"
 TEMPLATE = "{operation: CreateWorldTemplate, input: {name: flat, templateBody: '{}'}}"
@@ -91,14 +88,3 @@ def test_a_specification_needs_archives_packages_and_images() -> None:
         if "://" not in need.uri
     ]
     assert image.sentence.startswith("the container image cartpole-balancer")
-
-
-def test_what_the_store_does_not_have_is_found(tmp_path: Path) -> None:
-    needs = needs_of(load_spec((EXAMPLES / "five_ways" / "five_ways.yaml").read_text(), "five_ways.yaml"))
-    store = DirectoryStore(tmp_path)
-    assert [need.uri[-15:] for need in missing_objects(needs, store)] == ["cartpole.tar.gz", "balancer.tar.gz"]
-
-    store.ensure_bucket("robomaker")
-    store.put_bytes("robomaker", "applications/cartpole.tar.gz", b"packed")
-
-    assert [need.uri[-15:] for need in missing_objects(needs, store)] == ["balancer.tar.gz"]

@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 
 from prefect_robomaker import Run, World, results
 from prefect_robomaker.deployments.in_python.html import badge, card, image, line, table
+from prefect_robomaker.schemas.reports.causes import FailureGroup, Why
+from prefect_robomaker.tasks.causes.stored import write_why
 from prefect_robomaker.tasks.inspection.reports import short_name
 from prefect_robomaker.tasks.service.service import Service
 
@@ -52,6 +54,12 @@ def test_texts_stay_texts(text: str, other: str) -> None:
     assert other in made.text
 
 
+def test_a_run_whose_jobs_all_passed_says_passed(service: Service) -> None:
+    run = run_of(service, "PP")
+    assert "passed2 of 2 jobs passed; all well" in Tags(run._repr_html_()).text
+    assert run.outcome == "succeeded"
+
+
 def test_failures_stand_first_and_what_is_left_out_is_counted(service: Service) -> None:
     jobs = [make_job(index, "P") for index in range(50)]
     jobs[44] = make_job(44, "F").model_copy(update={"test": HOSTILE, "verdict_reason": f"{HOSTILE}\nlog"})
@@ -62,7 +70,7 @@ def test_failures_stand_first_and_what_is_left_out_is_counted(service: Service) 
     assert text.index(HOSTILE) < text.index("world-1 scout")
     assert "and 10 more; .jobs has all" in text
     assert "a simulation's verdict is fail" not in text, "the record says succeeded"
-    assert "49 of 50 verdicts pass" in text
+    assert "49 of 50 jobs passed" in text
     assert "log" not in text
 
 
@@ -72,7 +80,31 @@ def test_a_job_shows_its_requirements_and_a_lost_world_is_no_error(service: Serv
 
     assert "gentlefailed9 N, at most 5 N asked" in text
     assert "There is no plan: " in text
-    assert "outputsnot known: " in text, "its job is not in the catalog"
+    assert "outputs not known: " in text, "its job is not in the catalog"
+
+
+def test_a_failed_run_says_why(service: Service) -> None:
+    run = run_of(service, "FP")
+    assert "why: " not in Tags(run._repr_html_()).text
+
+    group = FailureGroup(requirement=HOSTILE, failed=1, job="world-0", command="x")
+    write_why(Why(trials=2, failed=1, groups=[group]), run.folder)
+
+    page = run._repr_html_()
+    assert f"why: {run.why and run.why.headline}" in Tags(page).text
+    assert "script" not in Tags(page).names
+
+
+def test_a_job_shows_its_requirements_before_its_outputs_which_are_folded(
+    service: Service, order: Callable[..., dict[str, Any]], simulate: Callable[..., dict[str, Any]]
+) -> None:
+    done = simulate(order({"SLEEP_S": "0.1"}))
+    record = make_job(0, "F").model_copy(update={"arn": done["arn"], "label": done["arn"].rpartition("/")[2]})
+    (job,) = run_of(service, [record]).jobs
+    page = job._repr_html_()
+
+    assert page.index("gentle") < page.index(f'<summary style="cursor:pointer">{len(job.outputs)} outputs</summary>')
+    assert page.index("<details>") < page.index("result.json") < page.index("</details>")
 
 
 def test_a_world_shows_its_plan_as_an_image_in_which_nothing_acts(

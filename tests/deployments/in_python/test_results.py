@@ -22,6 +22,7 @@ from prefect_robomaker.schemas.wire.errors import (
     ObjectNotFoundError,
     ResourceNotFoundException,
     StorageUnavailableError,
+    UnknownNameError,
 )
 from prefect_robomaker.tasks.nights.run_standings import StandingRun
 from prefect_robomaker.tasks.service.service import Service
@@ -141,13 +142,51 @@ def test_without_pandas_one_is_told_what_to_do(service: Service, monkeypatch: py
 
     def without_pandas(name: str, *rest: Any) -> Any:
         if name == "pandas":
-            raise ModuleNotFoundError(name)
+            raise ModuleNotFoundError(name, name=name)
         return load(name, *rest)
 
     run = stored(service, "P")
     monkeypatch.setattr(builtins, "__import__", without_pandas)
-    with pytest.raises(ImportError, match=r"^to_pandas\(\) needs pandas, which is not installed: `pip install pandas`"):
+    with pytest.raises(
+        ImportError,
+        match=r"^to_pandas\(\) needs pandas, which is not installed: `cd .* && .tools/bin/uv pip install pandas`",
+    ):
         run.to_pandas()
+
+
+def test_pandas_that_cannot_be_loaded_says_so(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    load = builtins.__import__
+
+    def with_broken_pandas(name: str, *rest: Any) -> Any:
+        if name == "pandas":
+            raise ImportError("numpy is too old for it")
+        return load(name, *rest)
+
+    run = stored(service, "P")
+    monkeypatch.setattr(builtins, "__import__", with_broken_pandas)
+    with pytest.raises(ImportError, match="cannot be loaded: numpy is too old for it; use") as caught:
+        run.to_pandas()
+    assert str(caught.value.__cause__) == "numpy is too old for it"
+
+
+def test_a_name_without_a_value_says_which_names_there_are(service: Service) -> None:
+    run = stored(service, [make_job(0, "F", metrics={"distance_m": 3.5})])
+    (row,) = run.rows
+
+    with pytest.raises(
+        UnknownNameError, match=r"^there is no metric 'distance'; did you mean 'distance_m'\?; there are"
+    ):
+        row.metrics["distance"]
+    with pytest.raises(KeyError, match=r"there is no axis 'mass'; there are none"):
+        row.axes["mass"]
+    assert row.metrics.get("distance") is None
+    assert "distance" not in row.metrics
+
+
+def test_a_misspelt_specification_is_told(service: Service) -> None:
+    run = stored(service, "P")
+    with service.activated(), pytest.raises(ConfigurationError, match=rf"did you mean '{run.name}'"):
+        results(f"{run.name[:-2]}{run.name[-1]}")
 
 
 def test_a_request_that_waits_is_unfinished_and_has_no_outputs_yet(service: Service) -> None:
@@ -189,6 +228,10 @@ def test_an_unknown_output_says_which_there_are_and_a_silent_store_is_no_lack_of
     (job,) = slept.jobs
     with pytest.raises(ObjectNotFoundError, match=r"has no output 'resul\.json'; did you mean 'result\.json'\?; there"):
         job.open("resul.json")
+    with pytest.raises(
+        UnknownNameError, match=r"there is no output 'resul\.json'; did you mean 'result\.json'\?; there"
+    ):
+        job.outputs["resul.json"]
     with pytest.raises(ObjectNotFoundError, match=r"has no output '\.\./manifest\.json'"):
         job.open("../manifest.json")
 

@@ -28,11 +28,6 @@ steps:
 """
 
 
-def _any(**options: Any) -> RunOptions:
-    """Options whose types no type checker has seen."""
-    return RunOptions(**options)
-
-
 @pytest.fixture
 def spec(tmp_path: Path) -> Path:
     path = tmp_path / "templates.yaml"
@@ -66,6 +61,10 @@ def test_wrong_calls_are_refused_before_anything_is_started(
     with service.activated():
         with pytest.raises(SpecError, match="there is no parameter 'nam'; did you mean 'name'"):
             run(spec, nam="x")
+        with pytest.raises(
+            SpecError, match=r"there is no parameter 'seed'; .*; seed is an option of runs: RunOptions\(seed=3\)"
+        ):
+            run(spec, seed=3)
         with pytest.raises(ConfigurationError, match="no such file"):
             run(spec.with_name("other.yaml"))
         with pytest.raises(ConfigurationError, match=r"report is .*/none/r.html; it has to be a file in a folder"):
@@ -75,31 +74,36 @@ def test_wrong_calls_are_refused_before_anything_is_started(
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (RunOptions(seed=-1), "seed is -1; it has to be a whole number from 0 to 9223372036854775807"),
-        (RunOptions(seed=2**63), "seed is 9223372036854775808; it has to be a whole number from 0 to"),
-        (_any(seed=1.5), "seed is 1.5; a whole number from 0, such as 7, would be right"),
-        (_any(seed="7"), "seed is '7'; a whole number from 0, such as 7, would be right"),
-        (_any(seed=True), "seed is True; a whole number from 0, such as 7, would be right"),
-        (_any(name=3), "name is 3; letters, digits, - and _ would be right"),
-        (RunOptions(name="a b"), "name is 'a b'; letters, digits, - and _ would be right"),
-        (RunOptions(backend="dusk"), f"backend is 'dusk'; it has to be {BACKENDS_IN_WORDS}"),
-        (RunOptions(backend="dask:head"), "backend is 'dask:head'; after dask: there has to be the address"),
-        (_any(backend=3), "backend is 3; a text such as 'local' would be right"),
-        (_any(reuse="no"), "reuse is 'no'; True or False would be right"),
-        (_any(shows_progress=None), "shows_progress is None; True or False would be right"),
-        (_any(report=3), "report is 3; the path of a file would be right"),
-        (RunOptions(report="a\0b"), "report is 'a\\x00b'; the path of a file would be right"),
-        ({"seed": 1}, "options is {'seed': 1}; RunOptions(seed=7), with the options by name, would be right"),
-        ({}, "options is {}; RunOptions(seed=7), with the options by name, would be right"),
+        ({"seed": -1}, "seed is -1; it has to be a whole number from 0 to 9223372036854775807"),
+        ({"seed": 2**63}, "seed is 9223372036854775808; it has to be a whole number from 0 to"),
+        ({"seed": 1.5}, "seed is 1.5; a whole number from 0, such as 7, would be right"),
+        ({"seed": "7"}, "seed is '7'; a whole number from 0, such as 7, would be right"),
+        ({"seed": True}, "seed is True; a whole number from 0, such as 7, would be right"),
+        ({"name": 3}, "name is 3; letters, digits, - and _ would be right"),
+        ({"name": "a b"}, "name is 'a b'; letters, digits, - and _ would be right"),
+        ({"backend": "dusk"}, f"backend is 'dusk'; it has to be {BACKENDS_IN_WORDS}"),
+        ({"backend": "dask:head"}, "backend is 'dask:head'; after dask: there has to be the address"),
+        ({"backend": 3}, "backend is 3; a text such as 'local' would be right"),
+        ({"reuse": "no"}, "reuse is 'no'; True or False would be right"),
+        ({"shows_progress": None}, "shows_progress is None; True or False would be right"),
+        ({"report": 3}, "report is 3; the path of a file would be right"),
+        ({"report": "a\0b"}, "report is 'a\\x00b'; the path of a file would be right"),
     ],
 )  # fmt: skip
-def test_an_option_with_a_wrong_value_is_named_and_nothing_is_started(
-    options: Any, message: str, spec: Path, service: Service, monkeypatch: pytest.MonkeyPatch
+def test_an_option_with_a_wrong_value_is_refused_when_it_is_given(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        RunOptions(**options)
+    assert str(caught.value).startswith(message)
+
+
+@pytest.mark.parametrize("options", [{"seed": 1}, {}])
+def test_options_of_another_type_are_refused_and_nothing_is_started(
+    options: Any, spec: Path, service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("prefect_robomaker.deployments.in_python.running.server_of_process", pytest.fail)
     with service.activated(), pytest.raises(ConfigurationError) as caught:
         run(spec, options)
-    assert str(caught.value).startswith(message)
+    assert str(caught.value) == f"options is {options}; RunOptions(seed=7), with the options by name, would be right"
     assert not (service.settings.home / "runs").exists()
 
 

@@ -1,6 +1,7 @@
 import http.server
 import json
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -68,6 +69,19 @@ def test_an_active_schedule_gets_runs(prefect_server: str) -> None:
     assert {run.state_name for run in runs} <= {"Scheduled", "Late"}
     log = Path(str(server_settings().home / "prefect" / "server.log")).read_text()
     assert "bulk DML" not in log
+
+
+def test_the_server_of_the_home_that_was_copied_is_not_the_one_of_the_copy(
+    settings: Settings, prefect_server: str
+) -> None:
+    shared = server_settings()
+    copy = settings.home / "prefect"
+    copy.mkdir(parents=True)
+    shutil.copyfile(shared.home / "prefect" / "server.json", copy / "server.json")
+
+    assert not server_status(settings, NOTHING).running
+    assert not stop_server(settings)
+    assert server_status(shared, NOTHING).running
 
 
 def test_a_state_file_of_a_dead_server_is_not_believed(settings: Settings) -> None:

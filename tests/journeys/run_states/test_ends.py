@@ -73,9 +73,9 @@ def test_a_failed_verdict_fails_the_run_and_not_the_job(run_flow: Any, service: 
     assert document.verdict_reason.startswith("quick: ")
     assert (result.state, result.verdicts, result.counts) == ("failed", {job.id: "FAIL"}, {"failed": 1})
     assert seen.message == result.message
-    assert f"failed: 0 of 1 verdicts pass. pusher ({job.id}): FAIL: quick: " in seen.message
+    assert f"failed: 0 of 1 job passed. pusher ({job.id}): FAIL: quick: " in seen.message
     assert seen.message.endswith(f". Look: robomaker repro {job.id}")
-    with service.activated(), pytest.raises(RunNotSucceeded, match=r"failed: 0 of 1 verdicts pass"):
+    with service.activated(), pytest.raises(RunNotSucceeded, match=r"failed: 0 of 1 job passed"):
         find_perform_flow("CreateSimulationJob")(job.arn)
 
 
@@ -103,7 +103,7 @@ def test_a_batch_tells_its_verdicts_the_worst_first(run_flow: Any, service: Serv
     assert result.state == "broken"
     assert sorted(result.verdicts.values()) == ["FAIL", "PASS"]
     assert result.counts == {"passed": 1, "failed": 1, "broken": 1}
-    assert seen.message.startswith("broken: 1 of 2 verdicts pass, 1 broke. request 3: ResourceNotFound: ")
+    assert seen.message.startswith("broken: 1 of 3 jobs passed, 1 broke. request 3: ResourceNotFound: ")
     assert "FAIL: quick" in seen.message
     batch = service.catalog.get(answer["arn"])
     assert SimulationJobBatchDocument.of(batch).verdicts == {"PASS": 1, "FAIL": 1}

@@ -61,7 +61,7 @@ def test_a_killed_server_is_waited_for_once_and_the_run_ends_with_its_report(
     assert record.report_path.is_file()
     assert err.count(f"{server} does not answer: it does not run") == 1
     assert err.count(f"{server} is not waited for any longer") == 1
-    said, ended = err.index("does not answer"), err.index("3 completed of 3")
+    said, ended = err.index("does not answer"), err.index("3 no verdict of 3")
     assert said < ended, "it is said at once, not at the end"
 
 

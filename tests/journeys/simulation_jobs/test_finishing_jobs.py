@@ -10,6 +10,7 @@ from datetime import datetime, timedelta
 from typing import Any, Self
 
 import pytest
+from helpers.processes import wait_for
 from helpers.swing_fixtures import outputs_of
 
 from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
@@ -108,6 +109,31 @@ def test_the_next_job_begins_while_one_draws(service: Service, swing: Simulate, 
     assert all(document.video_s and document.upload_s for document in documents)
     page = view_report(report_of_job(first.arn, service))
     assert re.fullmatch(r"(simulation .*, )?videos of failures [^,]*(, uploads .*)?", page.times)
+
+
+def test_progress_says_that_the_only_job_runs_and_then_that_it_draws(
+    service: Service, swing: Simulate, prefect_server: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing else happens in its batch that would be a reason to tell of it."""
+    seen: list[Progress] = []
+
+    def after(name: str, state: str) -> None:
+        """Lets a method of the job return when the progress has shown a state."""
+        method = getattr(JobRun, name)
+
+        def watched(*arguments: Any) -> None:
+            method(*arguments)
+            wait_for(lambda: any(progress.counts == {state: 1} for progress in seen), f"the progress to say {state}")
+
+        monkeypatch.setattr(JobRun, name, watched)
+
+    after("_note_begin", "running")
+    after("_note_simulated", "drawing")
+    request = service.catalog.get(swing(perform=False, job=FAILS)["arn"]).document["request"]
+    batch = call("StartSimulationJobBatch", {"createSimulationJobRequests": [request]}, service)
+    ended = registry()["StartSimulationJobBatch"].perform(batch["arn"], service.watched_by(seen.append))
+    assert ended["status"] == "Completed"
+    assert seen[-1].counts == {"failed": 1}, "that it completed says nothing of its verdict"
 
 
 @pytest.mark.deep

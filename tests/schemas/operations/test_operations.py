@@ -105,7 +105,11 @@ def test_commands_may_have_several_lines() -> None:
         ),
         ("CreateSimulationJob", job(maxJobDurationInSeconds=0), "maxJobDurationInSeconds: is 0; .* at least 1"),
         ("CreateSimulationJob", job(maxJobDurationInSeconds=1209601), "it may be at most 1209600"),
-        ("CreateSimulationJob", job(maxJobDurationInSeconds="300"), "is '300'; it has to be a whole number"),
+        (
+            "CreateSimulationJob",
+            job(maxJobDurationInSeconds="5m"),
+            "is '5m'; .* whole number of seconds, such as 300",
+        ),
         ("CreateSimulationJob", job(maxJobDurationInSeconds=True), "is true; it has to be a whole number"),
         ("CreateSimulationJob", job(failureBehaviour="Fail"), "failureBehaviour: is not known; .* 'failureBehavior'"),
         ("CreateSimulationJob", job(failureBehavior="fail"), "is 'fail'; it has to be 'Fail' or 'Continue'"),

@@ -131,6 +131,8 @@ def test_messages_name_the_candidates_and_what_is_near() -> None:
     assert text.endswith("sim-4; and 2 more; name one by its id")
     assert near_names("scout in flat 4", ["scout in flat 3", "other"]) == "; did you mean 'scout in flat 3'?"
     assert near_names("zzz", ["scout"]) == ""
+    for written in ("Kuche", "kuche", "KÜCHE", "KUCHE", "Ku\u0308ch"):
+        assert near_names(written, ["flat 1", "Küche"]) == "; did you mean 'Küche'?", written
 
 
 def test_given_names_that_look_the_same_are_the_same() -> None:

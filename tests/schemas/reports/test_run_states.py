@@ -6,12 +6,14 @@ import pytest
 from helpers.night_records import make_night
 
 from prefect_robomaker.schemas.known_failures import KnownFailure, KnownMatch
-from prefect_robomaker.schemas.reports.run_record import RerunOf
+from prefect_robomaker.schemas.reports.run_record import RerunOf, RunState
 from prefect_robomaker.schemas.reports.run_states import (
+    count_outcomes,
     counts_in_words,
     in_words,
     outcomes_in_words,
     run_state,
+    state_in_words,
     with_known,
 )
 from prefect_robomaker.schemas.runs.plan import Requirement
@@ -28,12 +30,12 @@ def test_outcomes_are_counted_the_most_frequent_first() -> None:
 @pytest.mark.parametrize(
     ("letters", "about", "state", "said"),
     [
-        ("PF", "*", "succeeded", "1 of 2 verdicts pass, 1 failure known"),
-        ("PF", "world-2 *", "succeeded", "1 of 2 verdicts pass, 1 failure known"),
-        ("PF", "world-1 *", "failed", "1 of 2 verdicts pass"),
-        ("FF", "world-2 *", "failed", "0 of 2 verdicts pass, 1 failure known"),
-        ("FE", "*", "broken", "0 of 1 verdicts pass, 1 failure known, 1 broke"),
-        ("FC", "*", "canceled", "0 of 1 verdicts pass, 1 failure known, 1 canceled"),
+        ("PF", "*", "succeeded", "1 of 2 jobs passed, 1 failure known"),
+        ("PF", "world-2 *", "succeeded", "1 of 2 jobs passed, 1 failure known"),
+        ("PF", "world-1 *", "failed", "1 of 2 jobs passed"),
+        ("FF", "world-2 *", "failed", "0 of 2 jobs passed, 1 failure known"),
+        ("FE", "*", "broken", "0 of 2 jobs passed, 1 failure known, 1 broke"),
+        ("FC", "*", "canceled", "0 of 2 jobs passed, 1 failure known, 1 canceled"),
     ],
 )
 def test_only_a_fail_can_be_known_and_it_makes_no_run_red(letters: str, about: str, state: str, said: str) -> None:
@@ -51,6 +53,43 @@ def test_only_a_fail_can_be_known_and_it_makes_no_run_red(letters: str, about: s
     assert not any(job.known for job in with_known(night, not_judged)[0]), "it missed it, but not all was judged"
     later = make_night(letters, night=1).model_copy(update={"known": [known]})
     assert not any(job.known for job in with_known(later, later.jobs)[0])
+
+
+@pytest.mark.parametrize(
+    ("letters", "state", "word"),
+    [
+        ("PP", "succeeded", "passed"),
+        ("PN", "succeeded", "succeeded"),
+        ("PC", "succeeded", "succeeded"),
+        ("", "succeeded", "succeeded"),
+        ("PF", "failed", "failed"),
+    ],
+)
+def test_a_run_is_said_to_have_passed_only_if_each_job_has(letters: str, state: RunState, word: str) -> None:
+    jobs = make_night(letters).jobs
+
+    assert state_in_words(state, count_outcomes(jobs)) == word
+    assert in_words(state, jobs).startswith(word)
+
+
+def test_trials_are_counted_beside_jobs() -> None:
+    """A job without trials counts as one, as in the report."""
+    passed, failed = make_night("PF").jobs
+    all_trials = Requirement(name="trials", satisfied=True, detail="2 of 50 trials did not pass")
+    metrics = {"trials": 50.0, "trials_passed": 48.0}
+    swept = passed.model_copy(update={"metrics": metrics, "requirements": [all_trials]})
+    assert counts_in_words([swept]) == "1 of 1 job passed (48 of 50 trials passed)"
+    assert counts_in_words([swept, failed]) == "1 of 2 jobs passed (48 of 51 trials passed)"
+    assert counts_in_words([passed, failed]) == "1 of 2 jobs passed"
+    broken, unjudged = make_night("EN").jobs
+    unfinished = passed.model_copy(update={"status": "Running", "verdict": None})
+    assert counts_in_words([swept, broken]) == "1 of 2 jobs passed (48 of 50 trials passed), 1 broke", (
+        "it has no trials"
+    )
+    assert "(48 of 50 trials passed), 2 unfinished" in counts_in_words([swept, unfinished, unfinished])
+    assert "(48 of 50 trials passed), 1 without a verdict" in counts_in_words([swept, unjudged])
+    own = failed.model_copy(update={"metrics": {"trials": float("nan")}})
+    assert counts_in_words([own]) == "0 of 1 job passed", "a metric of the application that is called so"
 
 
 def test_what_fails_for_more_than_requirements_is_not_known() -> None:
@@ -85,6 +124,14 @@ def test_a_known_failure_of_trials_says_what_it_covers() -> None:
     (marked,), notes = with_known(night, jobs)
     assert marked.known == ("anna until 2026-03-01; covers all trials that failed")
     assert notes == []
+
+
+def test_a_known_failure_may_name_a_job_as_junit_does() -> None:
+    known = KnownFailure(match=KnownMatch(job="scout in flat 3", requirement="*"), owner="anna", until=date(2026, 3, 1))
+    night = make_night("F").model_copy(update={"known": [known]})
+    names = {"name": "scout in flat 3 (generation-8285)", "case_name": "scout in flat 3"}
+    (marked,), notes = with_known(night, [job.model_copy(update=names) for job in night.jobs])
+    assert (marked.known, notes) == ("anna until 2026-03-01", [])
 
 
 def test_a_rerun_of_some_jobs_says_nothing_of_known_failures_of_the_others() -> None:

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.reports.variants import variants
+from prefect_robomaker.schemas.runs.axes import AXIS_TAG
 
 
 def request(application: str = "scout", seed: int | None = None, **variables: str) -> dict[str, Any]:
@@ -22,6 +23,16 @@ def test_jobs_are_told_apart_by_what_differs() -> None:
     ]
     arn = "arn:aws:robomaker:us-east-1:000000000000:robot-application/my-nav/1577836800000"
     assert variants([request(seed=1), request(arn, seed=2)]) == ["robot=scout, seed=1", "robot=my-nav, seed=2"]
+
+
+def test_what_jobs_of_axes_and_others_have_in_common_is_not_told() -> None:
+    cell = {"tags": {f"{AXIS_TAG}robot": "scout", f"{AXIS_TAG}SPEED": "1"}}
+    made = [
+        {"step": "axes", "maxJobDurationInSeconds": 300, **request(SPEED="1", seed=4), **cell},
+        {"step": "every", "maxJobDurationInSeconds": 300, **request(SPEED="2", seed=4)},
+    ]
+
+    assert variants(made) == ["step=axes, SPEED=1", "step=every, SPEED=2"]
 
 
 def test_values_of_secrets_are_not_told() -> None:

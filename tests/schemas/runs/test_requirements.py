@@ -200,7 +200,10 @@ def test_what_refers_to_a_goal_needs_it_above(member: str, asked: dict[str, Any]
 def test_a_room_that_the_world_has_not() -> None:
     asked = [("requirements[2].room", "Hal")]
     assert unknown_room(asked, ["Hall", "Kitchen"]) == (
-        "requirements[2].room: the world has no room 'Hal'; its rooms are Hall, Kitchen"
+        "requirements[2].room: the world has no room 'Hal'; did you mean 'Hall'? Its rooms are Hall, Kitchen"
+    )
+    assert unknown_room([("requirements[0].room", "Sauna")], ["Hall"]) == (
+        "requirements[0].room: the world has no room 'Sauna'; its rooms are Hall"
     )
     assert unknown_room(asked, ["Hal"]) is None
 

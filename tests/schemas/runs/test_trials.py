@@ -132,6 +132,12 @@ def test_a_request_that_is_not_checked_yet_plans_some_number_of_trials_or_none(r
     assert planned_trials(request) >= 0
 
 
+def test_trials_without_seeds_have_one_of_each_cell() -> None:
+    trials = Trials.model_validate({"axes": variables({"SPEED": ["1", "2"]})})
+
+    assert (trials.seeds, trials.count) == (1, 2)
+
+
 def test_a_launch_variable_says_the_same_as_the_member() -> None:
     trials = {"seeds": 3, "axes": {"SPEED": {"kind": "variable", "values": ["0.2", "0.4"]}}}
     assert trials_of(order(trials)) == trials_of(order(variable=json.dumps(trials))) == Trials(**trials)

@@ -20,3 +20,14 @@ def test_what_decides_is_shown_by_reruns_with_and_without_it() -> None:
         "  With one PYTHONHASHSEED and fixed addresses: PASS in 5 of 5.",
         "  Without, while others were held: FAIL in 2, PASS in 1 of 3, which went 3 different ways.",
     ]
+
+
+def test_a_job_that_repeats_says_what_was_not_varied_and_what_its_reruns_could_miss() -> None:
+    """0.95^10 is 0.60, and 0.95^59 the first below 0.05."""
+    tried = [TriedHold(held=[], ends={"FAIL": 10}, ways=1)]
+    assert str(Flakiness(job="arn", name="scout in flat 2", answer="repeats", verdict="FAIL", tried=tried)) == (
+        "scout in flat 2: repeats bit by bit: 10 of 10 end with FAIL\n"
+        "  10 reruns as the job was; nothing else was varied, because they all ended alike.\n"
+        "  A job that ends otherwise in 1 of 20 runs looks like this in 60% of such examinations: 59 reruns would be "
+        "needed to see it (95% sure)."
+    )

@@ -5,6 +5,7 @@
 import json
 from collections.abc import Iterable
 from functools import cache
+from itertools import combinations
 from typing import NamedTuple
 
 import pytest
@@ -115,6 +116,41 @@ steps:
   later:
     operation: ListWorlds
     needs: [look]
+  cells:
+    operation: "StartSimulationJobBatch"
+    input:
+      createSimulationJobRequests:
+        axes:
+          limit: {values: ["25", "4"]}
+          gain: {range: [0.5, 2]}
+        design: random
+        points: 5
+        include:
+          - {limit: "4", gain: 1}
+        seeds: 2
+        value:
+          maxJobDurationInSeconds: 30
+          robotApplications: [{application: scout, launchConfig: {environmentVariables: {GAIN: "${{ to_string(gain) }}"}}}]
+          simulationApplications:
+            - application: indoor-navigation
+              worldConfigs: [{world: flat}]
+              launchConfig: {environmentVariables: {ROBOMAKER_SIM_TIME_LIMIT_S: "${{ limit }}"}}
+  grid:
+    operation: "StartSimulationJobBatch"
+    input:
+      createSimulationJobRequests:
+        axes:
+          wide: {values: ["0.8", "1.2"]}
+          long: {values: ["3", "4"]}
+        exclude:
+          - {wide: "0.8", long: "3"}
+          - {long: "4", wide: "1.2"}
+        seeds: 4
+        value:
+          maxJobDurationInSeconds: 30
+          robotApplications: [{application: scout, launchConfig: {environmentVariables: {SIZE: "${{ wide }} ${{ long }}"}}}]
+          simulationApplications:
+            - {application: indoor-navigation, launchConfig: {}, worldConfigs: [{world: flat}]}
 """
 
 
@@ -131,7 +167,9 @@ class Mistake(NamedTuple):
 
 
 # Cells and seeds, which say how many trials there are.
-_TRIALS = ("seeds: 0", "seeds: 300000", "robot_mas,", "1_0", "mass: heavy", "wheel", 'SPEED: "9"')
+_TRIALS = ("seeds: 0", "seeds: 300000", "robot_mas,", "1_0", "mass: heavy", "wheel", 'SPEED: "9"', "{limit: 5}")
+# A name of two rooms, of which one has another name that is not known.
+_TWICE = "Name: living room, Desired"
 MISTAKES = [
     Mistake("version: 1\n", "version: 3\n", "10: version: is 3; it has to be 1"),
     Mistake("version: 1\n", "vresion: 1\n", "1: vresion: is not known; did you mean 'version'?"),
@@ -153,12 +191,12 @@ MISTAKES = [
     Mistake("operation: ListWorlds", "operation: [ListWorlds]", "16: steps.later.operation: is ['ListWorlds']; it has to be text"),
     Mistake("ifExists: reuse", "ifExists: maybe", "15: steps.robot.ifExists: is 'maybe'; it has to be 'fail', 'reuse' or 'update'"),
     Mistake("    needs: [robot]\n", "    needs: [robt]\n", "13: steps.drive.needs[0]: there is no step 'robt'; did you mean 'robot'?"),
-    Mistake("    needs: [look]\n", "    needs: [look, later]\n", "3: steps.later: refers to itself"),
-    Mistake("    needs: [drive, single]", "    needs: drive", "12: steps.look.needs: is 'drive'; it has to be a list"),
+    Mistake("    needs: [look]\n", "    needs: [look, later]\n", "19: steps.later.needs[1]: needs itself; leave it out"),
+    Mistake("    needs: [drive, single]", "    needs: drive", "12: steps.look.needs: is 'drive'; it has to be a list: [drive]"),
     Mistake("    # more of look", "    retries: 3", "5: steps.look.retries: is not known; known are operation, input, needs, ifExists"),
     # Inputs
     Mistake("      name: rover", "      nam: rover", "7: steps.robot.input.nam: is not known; did you mean 'name'?"),
-    Mistake("version: Foxy}", "version: Humble}", "49: steps.robot.input.robotSoftwareSuite.version: is 'Humble'; it has to be 'Kinetic', 'Melodic', 'Dashing' or 'Foxy'"),
+    Mistake("version: Foxy}", "version: Humble}", "49: steps.robot.input.robotSoftwareSuite.version: is 'Humble'; it has to be 'Kinetic', 'Melodic', 'Dashing' or 'Foxy'; for Humble write Foxy, for later releases leave it out: the ROS of the application runs, whatever it says"),
     Mistake("s3Bucket: code, s3Key: rover.zip", "s3Key: rover.zip", "16: steps.robot.input.sources: source 0 needs both s3Bucket and s3Key"),
     Mistake("worldCount: {floor", "worldcount: {floor", "7: steps.worlds.input.worldcount: is not known; did you mean 'worldCount'?"),
     Mistake("seed: 7", "seed: seven", "13: steps.worlds.input.seed: is 'seven'; it has to be a whole number"),
@@ -176,7 +214,7 @@ MISTAKES = [
     Mistake("application: scout\n", "application: [scout]\n", "28: steps.drive.input.createSimulationJobRequests.value.robotApplications[0].application: is ['scout']"),
     Mistake("{ARM: \"the ", "{arm: \"the ", "environmentVariables.arm: the key is 'arm'; it has to be of capital letters"),
     Mistake('[{world: "${{ world }}"}]', '[{world: "${{ index }}"}]', "worldConfigs[0].world: ${{ index }} is a whole number; it has to be text"),
-    Mistake("{kind: goal, name: sleep, room: bedroom}", "{kind: goal, name: sleep, room: bathroom}", "the world has no room 'bathroom'; its rooms are living room, bedroom", ("templat.", "as: worlds", "az: world", "${{ index }}\"}]")),
+    Mistake("{kind: goal, name: sleep, room: bedroom}", "{kind: goal, name: sleep, room: bathroom}", "the world has no room 'bathroom'; did you mean 'bedroom'? Its rooms are living room, bedroom", ("templat.", "as: worlds", "az: world", "${{ index }}\"}]", _TWICE)),
     Mistake("{kind: goal, name: sleep, room: bedroom}", "{kind: gaol, name: sleep, room: bedroom}", "requirements[0].kind: is 'gaol'; did you mean 'goal'?"),
     Mistake("{kind: goal, name: sleep, room: bedroom}", "{kind: goal, name: sleep, rom: bedroom}", "requirements[0].rom: is not known; did you mean 'room'?"),
     Mistake("{kind: no_collision, name: gentle, max_force_N: 20}", "{kind: no_collision, name: gentle, max_force_N: 20, hard: 1}", "requirements[1].hard: is not known"),
@@ -188,20 +226,39 @@ MISTAKES = [
     Mistake("{kind: robot_mass, values: [1, 2]}", "{kind: robot_mas, values: [1, 2]}", "axes.mass.kind: is 'robot_mas'; did you mean 'robot_mass'?"),
     Mistake("values: [0.5, 1]}", "values: [0.5, 1_0]}", "58: steps.drive.input.createSimulationJobRequests.value.trials.axes.slip.values[1]: '1_0' is no number"),
     Mistake("              - {mass: 0.8}", "              - {mass: heavy}", "24: steps.drive.input.createSimulationJobRequests.value.trials.include[0].mass: 'heavy' is no number"),
-    Mistake("              - {mass: 0.8}", "              - {wheel: 0.8}", "25: steps.drive.input.createSimulationJobRequests.value.trials.include[0].wheel: there is no axis 'wheel'", ("1_0",)),
+    Mistake("              - {mass: 0.8}", "              - {wheel: 0.8}", "25: steps.drive.input.createSimulationJobRequests.value.trials.include[0].wheel: there is no axis 'wheel'"),
     Mistake('- {mass: 2, SPEED: "2"}', '- {mass: 2, SPEED: "9"}', "34: steps.drive.input.createSimulationJobRequests.value.trials.exclude[0].SPEED: the axis has no value '9'"),
     Mistake("      maxJobDurationInSeconds: 60\n", "      maxJobDurationInSeconds: 60.5\n", "32: steps.single.input.maxJobDurationInSeconds: is 60.5; it has to be a whole number"),
     Mistake("      video: on-failure", "      video: sometimes", "14: steps.single.input.video: is 'sometimes'; it has to be"),
     Mistake("      # more of single", "      policy: \"\"", "steps.single.input.policy"),
     Mistake("succeededWorlds[0] }}", "succeededWorlds.first }}", "'first' is asked of a list, which has no members; choose entries with [0] or [*]"),
     Mistake("join('/', [", "jion('/', [", "there is no function jion(); did you mean 'join'?"),
+    # Rules about several members, beside which others are wrong
+    Mistake("{kind: goal, name: sleep, room: bedroom}", "{kind: goal, name: sleep, room: bedroom, by_s: fast}", "requirements[0].by_s: is 'fast'; it has to be a number"),
+    Mistake("max_force_N: 20}", "max_force_N: hard}", "requirements[1].max_force_N: is 'hard'; it has to be a number"),
+    Mistake("name: home, room", "name: sleep, room", "requirements names have to differ; 'sleep' appears more than once"),
+    Mistake('- {mass: 2, SPEED: "2"}', "- {limit: 5}", "trials.exclude[0].limit: there is no axis 'limit'"),
+    # Axes of a step
+    Mistake('limit: {values: ["25", "4"]}', "limit: {values: []}", "axes.limit.values: is an empty list"),
+    Mistake("gain: {range: [0.5, 2]}", "gain: {range: [2, 0.5]}", "axes.gain.range: 2 is not below 0.5"),
+    Mistake("design: random", "design: latin", "design: is 'latin'; it has to be"),
+    Mistake("points: 5", "points: 0", "points: is 0; it has to be at least 1"),
+    Mistake('{limit: "4", gain: 1}', '{limit: "4", gain: much}', "include[0].gain: 'much' is no number", ("[2, 0.5]",)),
+    Mistake('{limit: "4", gain: 1}', '{limt: "4", gain: 1}', "include[0].limt: there is no axis 'limt'; did you mean 'limit'?"),
+    Mistake("        seeds: 2\n", "        seeds: 0\n", "createSimulationJobRequests.seeds: is 0; it has to be at least 1"),
+    Mistake('wide: {values: ["0.8", "1.2"]}', 'wide: {values: [["0.8"], "1.2"]}', "axes.wide.values[0]"),
+    Mistake('long: {values: ["3", "4"]}', 'long: {values: ["3", "4"], range: [1, 2]}', "axes.long"),
+    Mistake('{wide: "0.8", long: "3"}', '{wide: "0.9", long: "3"}', "exclude[0].wide: the axis has no value '0.9'", ('[["0.8"]',)),
+    Mistake('{long: "4", wide: "1.2"}', '{lng: "4"}', "exclude[1].lng: there is no axis 'lng'"),
+    Mistake("        seeds: 4\n", "        seeds: four\n", "createSimulationJobRequests.seeds: is 'four'; it has to be a whole number"),
     # Template bodies
+    Mistake("Name: bedroom, Desired", "Name: living room, Desired", 'Rooms[1].Name: "living room": taken by Rooms[0]'),
     Mistake('Version: "2"', "Version: 2", '18: steps.template.input.templateBody.Version: 2: no such version'),
     Mistake("Name: bedroom, Desired", "Nam: bedroom, Desired", "Floorplan.Rooms[1].Nam: unknown member; did you mean \"Name\"?"),
     Mistake("{Area: 14, ", "{Area: small, ", "Rooms[1].DesiredShape.Area: \"small\": a number would be right"),
     Mistake("{Area: 24, ", "{Area: 2, ", "Rooms[0].DesiredShape.Area: 2: "),
-    Mistake("Location: [living room, bedroom]", "Location: [living room, kitchen]", "DesiredConnections[0].Location[1]: \"kitchen\": no such room"),
-    Mistake("RoomNames: [bedroom]", "RoomNames: [bedrom]", 'TargetSet.RoomNames[0]: "bedrom": no such room; did you mean "bedroom"?'),
+    Mistake("Location: [living room, bedroom]", "Location: [living room, kitchen]", "DesiredConnections[0].Location[1]: \"kitchen\": no such room", (_TWICE,)),
+    Mistake("RoomNames: [bedroom]", "RoomNames: [bedrom]", 'TargetSet.RoomNames[0]: "bedrom": no such room; did you mean "bedroom"?', (_TWICE,)),
     Mistake("ModelTypes: [Beds]", "ModelTypes: [Bedds]", "SampleSet.ModelTypes[0]: \"Bedds\""),
 ]  # fmt: skip
 
@@ -264,7 +321,7 @@ def test_each_mistake_alone_is_told_once_at_its_place(mistake: Mistake) -> None:
     assert min(lines_of(mistake)) - 2 <= number <= max(lines_of(mistake)), "at the value, or at the key it belongs to"
 
 
-@examples(100)
+@examples(60)
 @given(st.lists(st.sampled_from(MISTAKES), min_size=2, max_size=12, unique=True))
 def test_many_mistakes_are_told_at_once_and_nothing_else(mistakes: list[Mistake]) -> None:
     made = independent(mistakes)
@@ -272,12 +329,24 @@ def test_many_mistakes_are_told_at_once_and_nothing_else(mistakes: list[Mistake]
     assert sorted(told(with_mistakes(made))) == sorted({line for each in made for line in told_alone(each)})
 
 
+def rounds_of_all_pairs() -> list[list[Mistake]]:
+    """Lists of independent mistakes, in which each two that are independent are together at least once.
+
+    A mistake that hides another one hides it also beside more, so that some dozens of files do for 2,000 pairs.
+    """
+    left = [pair for pair in combinations(MISTAKES, 2) if len(independent(pair)) == 2]
+    rounds: list[list[Mistake]] = []
+    while left:
+        together = independent([*left[0], *(each for pair in left for each in pair), *MISTAKES])
+        rounds.append(together)
+        left = [pair for pair in left if not (pair[0] in together and pair[1] in together)]
+    return rounds
+
+
 @pytest.mark.deep
-@pytest.mark.parametrize("mistake", MISTAKES, ids=lambda each: each.bad.strip()[:50])
-def test_no_mistake_hides_another(mistake: Mistake) -> None:
-    for other in MISTAKES:
-        made = independent([mistake, other])
-        assert sorted(told(with_mistakes(made))) == sorted({line for each in made for line in told_alone(each)}), other
+def test_no_mistake_hides_another() -> None:
+    for made in rounds_of_all_pairs():
+        assert sorted(told(with_mistakes(made))) == sorted({line for each in made for line in told_alone(each)})
 
 
 def test_all_mistakes_are_mended_in_one_round() -> None:
@@ -303,8 +372,19 @@ def test_every_circle_of_steps_is_told() -> None:
     )
     assert told(f"version: 1\nname: circles\nsteps:\n{''.join(lines)}") == [
         "s.yaml:4:3: steps.a: these steps wait for each other: a -> b -> a",
-        "s.yaml:6:3: steps.c: refers to itself",
+        "s.yaml:6:38: steps.c.needs[0]: needs itself; leave it out",
         "s.yaml:7:3: steps.d: these steps wait for each other: d -> e -> f -> d",
+    ]
+
+
+def test_circles_with_a_common_edge_are_one_problem() -> None:
+    """One wrong `needs` closes a circle with each way that leads back to its step."""
+    steps = ("a: [d]", "b: [a]", "c: [a]", "d: [b, c]")
+    lines = (
+        f"  {name}: {{operation: ListWorlds, needs: {needs}}}\n" for name, needs in (each.split(": ") for each in steps)
+    )
+    assert told(f"version: 1\nname: circles\nsteps:\n{''.join(lines)}") == [
+        "s.yaml:7:3: steps.d: these steps wait for each other: d -> b -> a -> d"
     ]
 
 
@@ -323,6 +403,14 @@ steps:
         "parameters.size.type",
         "steps.nothing",
         "steps.unknown.operation",
+    ]
+
+
+def test_members_of_a_guessed_kind_are_told_after_the_kind() -> None:
+    text = GOOD.replace("{kind: no_collision, name: gentle, max_force_N: 20}", "{name: gentle, kind: colision}")
+    assert [line.split("requirements[1].")[1][:25] for line in told(text)] == [
+        "kind: is 'colision'; did ",
+        "max_force_N: is missing; ",
     ]
 
 
@@ -355,10 +443,16 @@ JUNK = st.one_of(
 )
 
 
-@examples(300)
+@cache
+def good_document() -> object:
+    """The good specification as plain data, which `replaced` leaves as it is; it is read once, as that takes 0.3 s."""
+    return plain(parse(GOOD, "s.yaml"))
+
+
+@examples(150)
 @given(st.lists(st.tuples(st.integers(0, 250), JUNK), min_size=1, max_size=4))
 def test_whatever_stands_somewhere_is_told_and_breaks_nothing(changes: list[tuple[int, object]]) -> None:
-    document: object = plain(parse(GOOD, "s.yaml"))
+    document = good_document()
     for number, junk in changes:
         document, _ = replaced(document, number, junk)
 

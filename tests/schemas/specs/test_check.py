@@ -11,6 +11,7 @@ import pytest
 from helpers.paths import REPOSITORY
 
 from prefect_robomaker.schemas.operations.registry import OPERATIONS
+from prefect_robomaker.schemas.roles import LOCAL_ROLE
 from prefect_robomaker.schemas.specs.check import load_request, load_spec
 from prefect_robomaker.schemas.specs.json_schema import SCHEMA_FILE, schema_text
 from prefect_robomaker.schemas.specs.resolving import resolve_input
@@ -270,7 +271,7 @@ steps:
     input:
       iamRole: arn:aws:iam::0:role/x
       maxJobDurationInSeconds: 60
-      simulationApplications: [{application: indoor-navigation, launchConfig: {}}]
+      simulationApplications: [{application: indoor-navigation, launchConfig: {}, worldConfigs: [{world: "arn:aws:robomaker:us-east-1:000000000000:world/import-1/world-1"}]}]
       dataSources:
         - {name: worlds, type: Archive, s3Bucket: robomaker, s3Keys: ["${{ world.arn }}"]}
 """
@@ -387,3 +388,25 @@ def test_only_templates_are_taken_where_nothing_is_said(operation: str, default:
     }
     spec = {"version": 1, "name": "s", "steps": {"a": {"operation": operation, "input": inputs[operation]}}}
     assert load_spec(json.dumps(spec), "s.json").steps["a"].if_exists == default
+
+
+@pytest.mark.parametrize(
+    "step",
+    [
+        "operation: CreateWorldExportJob\n    input: {worlds: [arn:1], outputLocation: {s3Bucket: bucket, s3Prefix: p}}",
+        "operation: CreateSimulationJob\n    input: {maxJobDurationInSeconds: 60, robotApplications: [{application: a, launchConfig: {}}]}",
+    ],
+)  # fmt: skip
+def test_a_step_that_names_no_role_has_that_of_calls_in_python(step: str) -> None:
+    world = "arn:aws:robomaker:us-east-1:000000000000:world/import-1/world-1"
+    spec = load_spec(f"version: 1\nname: roles\nsteps:\n  made:\n    {step}".replace("arn:1", world), "s.yaml")
+
+    assert resolve_input(spec.steps["made"], {})["iamRole"] == LOCAL_ROLE
+    text = f"version: 1\nname: roles\nsteps:\n  made:\n    {step}"
+    jsonschema.validate(plain(parse(text, "s.yaml")), json.loads(SCHEMA_FILE.read_text()))
+
+
+def test_a_misspelt_role_is_told_with_the_name_that_was_meant() -> None:
+    text = "version: 1\nname: roles\nsteps:\n  made:\n    operation: CreateWorldExportJob\n    input: {iamRol: x}\n"
+    with pytest.raises(SpecError, match=r"iamRol: is not known; did you mean 'iamRole'"):
+        load_spec(text, "s.yaml")

@@ -29,7 +29,9 @@ def spec_of(axes: Any, value: Any = None, **members: Any) -> str:
     launch = {"environmentVariables": {"V": f"{shown}."}}
     request = {
         "maxJobDurationInSeconds": 60,
-        "simulationApplications": [{"application": "indoor-navigation", "launchConfig": launch}],
+        "simulationApplications": [
+            {"application": "indoor-navigation", "launchConfig": launch, "worldConfigs": [{"world": WORLDS[0]}]}
+        ],
         **(value or {}),
     }
     requests = {"axes": axes, **members, "value": request}
@@ -193,7 +195,8 @@ def test_another_seed_for_the_whole_specification_is_that_of_each_cells_first_jo
     [
         ({"robot": {"kind": "variable", "values": ["a"]}}, {}, "axes.robot.kind: axes of a step have no kind"),
         ({"robot": {"values": ["a", "a"]}}, {}, "axes.robot: values have to differ; 'a' appears more than once"),
-        ({"robot": {"values": [1, 1.0]}}, {}, "axes.robot: values have to differ"),
+        ({"robot": {"values": ["25", "25"]}}, {}, "axes.robot: values have to differ; '25' appears more than once"),
+        ({"robot": {"values": [1, 1.0]}}, {}, "axes.robot: values have to differ; 1.0 appears more than once"),
         ({"robot": {"values": [["a"]]}}, {}, "axes.robot.values[0]: is a list; a text, a number, true or false"),
         ({"robot": {}}, {}, "axes.robot: it has no values; give one of values, range"),
         ({"robot": {"range": [2, 1]}}, {"design": "sobol", "points": 2}, "axes.robot.range: 2 is not below 1"),
@@ -213,6 +216,20 @@ def test_another_seed_for_the_whole_specification_is_that_of_each_cells_first_jo
 )  # fmt: skip
 def test_what_is_wrong_is_told_before_anything_runs(axes: Any, members: dict[str, Any], problem: str) -> None:
     assert any(problem in each for each in refused(spec_of(axes, **members)))
+
+
+def test_misspelt_axes_are_one_problem() -> None:
+    text = spec_of({"robot": {"values": ["a"]}}).replace('"axes":', '"axis":', 1)
+
+    [told] = refused(text)
+
+    assert told.endswith("axis: is not known; did you mean 'axes'?")
+
+
+def test_axes_beside_a_for_each_are_one_problem() -> None:
+    [told] = refused(spec_of({"robot": {"values": ["a"]}}, forEach=[1, 2], seeds=2))
+
+    assert "createSimulationJobRequests: a list is made by forEach or by axes, not by both" in told
 
 
 def test_an_axis_that_nothing_reads_is_refused() -> None:

@@ -92,6 +92,7 @@ def test_an_alias_stands_for_its_anchor() -> None:
         ("a: -.inf", "f:1:4: -.inf is not a number that JSON has"),
         ("a: 1e999", "f:1:4: 1e999 is not a number that JSON has"),
         ("[1, 2]: x", "f:1:1: a key has to be plain text"),
+        ("a: {{ b }}", "f:1:5: a key has to be plain text; a reference is written ${{ … }}, with the dollar"),
         ("a:\n\tb: 1", "f:2:1: this is not YAML"),
         ("a: 'open", "this is not YAML"),
         ("a: {\n", "f:2:1: this is not YAML"),

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from prefect_robomaker.schemas.operations.registry import check_request
-from prefect_robomaker.schemas.wire.request_problems import MAX_PROBLEMS
+from prefect_robomaker.schemas.wire.request_problems import MAX_PROBLEMS, nearest_ones
 
 UNKNOWN = {f"u{i}": 1 for i in range(5000)}
 
@@ -41,3 +41,9 @@ def test_large_values_are_shown_by_their_beginning(value: Any, shown: str) -> No
     (problem,) = check_request("CreateFleet", {"name": value})
     assert shown in str(problem)
     assert len(str(problem)) < 200
+
+
+def test_words_about_as_similar_as_the_nearest_one_are_told_with_it() -> None:
+    assert nearest_ones("world", ["worlds", "wrld", "template"]) == "; did you mean 'worlds' or 'wrld'?"
+    assert nearest_ones("templat", ["worlds", "template"]) == "; did you mean 'template'?"
+    assert nearest_ones("x", ["worlds"]) == nearest_ones("x", []) == ""

@@ -41,7 +41,8 @@ def table_of(rows: Sequence[Row]) -> ResultTable:
         job, trial = row.get("job", f"sim-{world}"), row.get("trial", number)
         own = {
             "step": "drive", "test": f"world-{world}", "job": job, "world": f"content-{world}",
-            "world_name": f"world-{world}", "outcome": outcome, "output": row.get("output"), "trial": trial,
+            "world_name": row.get("world_name", f"world-{world}"), "outcome": outcome, "output": row.get("output"),
+            "trial": trial,
             "seed": row.get("seed", number), "sim_time_s": row.get("end_s"), "ended_by": row.get("ended_by"),
             "verdict": "FAIL" if outcome == "failed" else "PASS",
             "state_digest": row.get("state_digest"), "requirements": json.dumps(asked),

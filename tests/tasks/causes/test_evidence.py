@@ -6,6 +6,10 @@ from typing import Any
 import pytest
 
 from prefect_robomaker.tasks.causes.evidence import Signature, evidence_of, signature_of
+from prefect_robomaker.tasks.causes.explanation import explain
+from prefect_robomaker.tasks.reporting.causes import why_in_lines
+
+from .conftest import Row, table_of
 
 GOALS = [
     {"name": "kitchen", "kind": "goal", "satisfied": True, "detail": "", "value": 12.0, "unit": "s"},
@@ -126,3 +130,34 @@ def test_a_value_that_a_cell_does_not_name_is_a_value_of_its_own(made: Callable[
     evidence = evidence_of(made([{"axes": {"mass": 1.0}}, {"axes": {}}, {"axes": {"mass": 2.0}}]))
     [mass] = evidence.axes
     assert [mass.label(code) for code in mass.codes] == ["1", "as built", "2"]
+
+
+def test_a_cause_without_a_failure_elsewhere_has_no_lift() -> None:
+    """The ratio has no size then: how large it comes out is the correction's doing."""
+    rows: list[Row] = [
+        {"axes": {"delay": 0.6 * (number % 2)}, "seed": number // 2, "outcome": ("passed", "failed")[number % 2]}
+        for number in range(72)
+    ]
+    why = explain(table_of(rows))
+    assert why is not None
+    assert why.groups[0].in_words == (
+        "polite: 36 trials missed it first; delay = 0.6: all 36 failed; elsewhere none of 36 did, in these worlds only"
+    )
+    assert why.headline == (
+        "with delay = 0.6, all 36 trials missed polite; elsewhere none of 36 did, in these worlds only"
+    )
+
+
+def test_copies_of_failures_are_counted_apart() -> None:
+    """As half of those that did not pass are in no group, the line says where they are."""
+    rows: list[Row] = [
+        {"outcome": "failed" if each < 22 else "passed", "seed": each, "state_digest": str(each // 2)}
+        for each in range(40)
+    ]
+    why = explain(table_of(rows))
+    assert why is not None
+    assert (why.failed, why.copies) == (11, 11)
+    assert why.size == "11 of 20 trials failed (11 more are copies, not counted)"
+    [line, *_] = why_in_lines(why)
+    assert line.startswith("polite: 11 trials missed it first (11 more are copies, not counted); robomaker repro ")
+    assert why.headline == "", "without axes, and in 1 world, no cause was looked for"

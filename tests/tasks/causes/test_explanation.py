@@ -1,5 +1,6 @@
 """A run says why its trials failed, and claims no more than its trials show."""
 
+import re
 from collections.abc import Callable, Sequence
 from itertools import product
 from typing import Any
@@ -14,6 +15,7 @@ from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.reports.causes import Why
 from prefect_robomaker.tasks.causes.explanation import explain
+from prefect_robomaker.tasks.reporting.causes import why_in_lines
 from prefect_robomaker.tasks.results.table import ResultTable
 
 from .conftest import Row, missed, table_of
@@ -79,10 +81,10 @@ def test_three_axes_that_only_fail_together_are_one_claim() -> None:
     assert why is not None
     [claim] = why.groups[0].claims
     assert (claim.kind, claim.axes) == ("triple", ["DOOR", "FLOOR", "light"])
-    assert claim.region == "DOOR = b, FLOOR = b and light ≥ 1"
+    assert claim.region == "DOOR = b, FLOOR = b and light = 1"
     assert claim.low > 10
     [plot] = why.cell_plots
-    assert (plot.axes, plot.group) == (["DOOR", "FLOOR"], "polite, where light ≥ 1,")
+    assert (plot.axes, plot.group) == (["DOOR", "FLOOR"], "polite, where light = 1,")
     assert sum(cell.trials for cell in plot.cells) == 240, "the trials in the light"
 
 
@@ -187,7 +189,7 @@ def test_an_axis_of_a_step_is_a_cause_among_jobs_without_trials(worlds: int) -> 
     why = explain(table_of(cells_of_jobs(lambda gain, _, seed: gain == 1 and seed % 4 > 0, worlds)))
     assert why is not None
     [claim] = why.groups[0].claims
-    assert (claim.region, claim.scope) == ("gain ≥ 1", "such worlds" if worlds == 8 else "these worlds only")
+    assert (claim.region, claim.scope) == ("gain = 1", "such worlds" if worlds == 8 else "these worlds only")
     assert why.refused == []  # nor is the axis that is the world
 
 
@@ -198,18 +200,142 @@ def test_jobs_that_fail_by_chance_have_no_axis_as_their_cause() -> None:
         assert claims(explain(table_of(cells_of_jobs(lambda _, load, seed, hard=hard: bool(hard[load, seed]))))) == []
 
 
-def test_an_axis_of_trials_that_no_job_varies_is_not_said_to_go_with_worlds() -> None:
+def trials_of_jobs(fails: Callable[[str, int], bool], seeds: int = 12) -> list[Row]:
+    """Trials of two jobs of a step with an axis, of the same seeds in one world."""
+    return [
+        {
+            "job": f"sim-{gain}", "seed": seed, "trial": seed, "axes": {"GAIN": gain},
+            "outcome": "failed" if fails(gain, seed) else "passed", "state_digest": f"{gain} {seed}",
+        }
+        for gain in ("low", "high") for seed in range(seeds)
+    ]  # fmt: skip
+
+
+def test_an_axis_of_a_step_is_a_cause_among_trials_of_its_jobs() -> None:
+    why = explain(table_of(trials_of_jobs(lambda gain, _: gain == "high")))
+    assert why is not None
+    assert [claim.region for group in why.groups for claim in group.claims] == ["GAIN = high"]
+    assert why.refused == []
+
+
+def test_an_axis_of_a_step_is_no_cause_of_trials_that_fail_by_their_seed() -> None:
+    why = explain(table_of(trials_of_jobs(lambda _, seed: seed % 2 == 0, 40)))
+    assert claims(why) == []
+
+
+THINGS = ("chair", "table", "shelf", "sofa", "plant", "lamp")
+
+
+def in_flats(share: Callable[[bool, str, str], float], seed: int, seeds: int = 3) -> list[Row]:
+    """Jobs in five dense flats and five sparse ones, at two speeds, with and without a mat.
+
+    They fail in several ways, and touch several things.
+
+    Args:
+        share: Chance to fail in a flat that is dense or not, at a speed, with or without a mat.
+        seed: Of how they fail.
+        seeds: Jobs of each cell.
+    """
+    chance = np.random.default_rng(seed)
+    cells = product(range(10), ("slow", "fast"), ("mat", "bare"), range(seeds))
+    rows: list[Row] = []
+    for number, (world, speed, mat, own) in enumerate(cells):
+        row: Row = {
+            "job": f"sim-{number}", "trial": None, "seed": own, "world": world, "state_digest": str(number),
+            "world_name": f"{'dense' if world < 5 else 'sparse'} flat {world % 5 + 1}",
+            "axes": {"SPEED": speed, "MAT": mat},
+        }  # fmt: skip
+        if chance.random() < share(world < 5, speed, mat):
+            touched = missed("gentle", other=f"{chance.choice(THINGS)} {number}", first_violation_s=5.0)
+            row |= {"outcome": "failed", "requirements": [missed("to-bed") if chance.random() < 0.3 else touched]}
+        rows.append(row)
+    return rows
+
+
+@pytest.mark.parametrize(
+    ("share", "region"),
+    [
+        (lambda dense, speed, mat: 0.8 if speed == "fast" else 0.1, "with SPEED = fast"),
+        (lambda dense, speed, mat: 0.75 if dense else 0.1, "in worlds of dense flat"),
+        (lambda dense, speed, mat: 0.75 if mat == "bare" else 0.1, "with MAT = bare"),
+    ],
+    ids=["robot", "worlds", "mat"],
+)
+def test_a_cause_that_all_failures_share_is_said_of_all_first(
+    share: Callable[[bool, str, str], float], region: str
+) -> None:
+    why = explain(table_of(in_flats(share, 3)))
+    assert why is not None
+    assert why.leading is why.overall
+    assert why.overall is not None
+    sentence = rf"{region}, (\d+) of \d+ jobs failed; elsewhere (\d+) of \d+ did: [\d.]+ times as often"
+    told = re.match(sentence, why.headline)
+    assert told is not None
+    assert int(told[1]) + int(told[2]) == why.failed
+    assert set(why.overall.breakdown) == {"missed first", "touched or too near"}
+    assert sum(why.overall.breakdown["missed first"].values()) == why.failed
+    assert [group.requirement for group in why.groups] == ["gentle", "to-bed"], "things are listed, not groups"
+    for group in why.groups:
+        assert group.claims or group.shared
+    assert len(why_lines(why)) == 3
+
+
+def why_lines(why: Why) -> list[str]:
+    return list(why_in_lines(why))
+
+
+def test_no_cause_is_named_where_jobs_fail_by_chance_and_how_many_would_tell_one_is_said_once() -> None:
+    named = 0
+    for seed in range(6):
+        why = explain(table_of(in_flats(lambda *_: 0.4, seed)))
+        assert why is not None
+        assert claims(why) == []
+        named += "may go with" in why.headline
+        assert re.search(r"takes [\d,]+ jobs instead of 120", why.headline)
+        lines = why_lines(why)
+        assert sum("instead of" in line for line in lines) == 1, lines
+    assert named <= 2
+
+
+def test_two_causes_of_the_same_failures_are_both_in_the_headline() -> None:
+    """Jobs fail in dense flats, and only where they are fast."""
+    why = explain(table_of(in_flats(lambda dense, speed, _: 0.95 if dense and speed == "fast" else 0.02, 5)))
+    assert why is not None
+    assert "SPEED = fast" in why.headline
+    assert "worlds of dense flat" in why.headline
+
+
+def test_the_headline_says_how_to_run_more() -> None:
+    table = table_of(in_flats(lambda *_: 0.4, 1))
+    why = explain(table, again="robomaker run flats.yaml")
+    assert why is not None
+    assert why.headline.endswith("; then robomaker run flats.yaml")
+
+
+def test_a_cause_of_one_way_to_fail_is_not_said_of_all_failures() -> None:
+    rows = in_flats(lambda *_: 0.15, 2, seeds=6)
+    for row in rows:
+        if row.get("outcome") != "failed" and row["axes"]["SPEED"] == "fast" and row["seed"] % 2:
+            row |= {"outcome": "failed", "requirements": [missed("calm")]}
+    why = explain(table_of(rows))
+    assert why is not None
+    assert {group.requirement: bool(group.claims) for group in why.groups}["calm"]
+    assert why.headline.startswith(f"with SPEED = fast, {why.groups[0].claims[0].failed_inside} of ")
+    assert why.leading is None
+    assert " jobs missed calm; elsewhere " in why.headline
+
+
+def test_an_axis_that_no_world_varies_cannot_be_told_from_worlds() -> None:
     rows = [
-        {"job": f"sim-{number % 6}", "axes": {"gain": number % 2}, "outcome": ("passed", "failed")[number % 2]}
+        {"world": number % 6, "axes": {"gain": number % 2}, "outcome": ("passed", "failed")[number % 2]}
         for number in range(30)
     ]
     why = explain(table_of(rows))
     assert why is not None
     assert why.refused[0] == (
-        "gain has the same value in all trials of each job, and trials are compared with those of their job only; the "
-        "report compares a step's axes in pairs; several values in each job would do"
+        "gain has the same value in all trials of each job, so that it cannot be told from the jobs' worlds; several "
+        "values in each world would do"
     )
-    assert why.groups[0].nothing == "no cause was looked for"
 
 
 def test_what_broke_where_the_axis_is_high_is_no_failure_of_the_robot() -> None:
@@ -275,46 +401,17 @@ def test_too_few_failures_are_refused_with_what_would_do() -> None:
     why = explain(table_of(rows))
     assert why is not None
     assert why.groups[0].refused == (
-        "a claim takes 10 failures, and there are 4; at this rate that takes 150 trials instead of 60"
+        "a claim takes 10 failures, and there are 4; at this rate that takes 150 trials instead of 60, such as 25 "
+        "points instead of 10"
     )
     assert why.groups[0].in_words == f"polite: 4 trials missed it first; {why.groups[0].refused}"
     slip = [{"axes": {"slip": 0.6 * (number % 2)}, "seed": number // 2} for number in range(16)]
     split = explain(table_of([{**row, "outcome": ("passed", "failed")[number % 2]} for number, row in enumerate(slip)]))
     assert split is not None
-    assert split.groups[0].refused.endswith("it may go with slip ≥ 0.6 (8 of 8, elsewhere 0 of 8)")
-
-
-def two_speeds(slow: int, fast: int, others: int = 0) -> list[Row]:
-    """Trials of 16 seeds at two speeds: how many fail at each, and how many slow ones fail otherwise."""
-    made: list[Row] = []
-    for number in range(32):
-        speed, seed = ("slow", "fast")[number % 2], number // 2
-        row: Row = {"axes": {"SPEED": speed}, "seed": seed, "state_digest": str(number)}
-        if seed < (fast if speed == "fast" else slow):
-            row |= {"outcome": "failed"}
-        elif speed == "slow" and seed < slow + others:
-            row |= {"outcome": "failed", "requirements": [missed("upright")]}
-        made.append(row)
-    return made
-
-
-@pytest.mark.parametrize(
-    ("rows", "said"),
-    [
-        (two_speeds(11, 16), "too few trials to tell: it may go with SPEED = fast (16 of 16, elsewhere 11 of 16)"),
-        (
-            two_speeds(0, 13, others=14),
-            "too few trials to tell: it may go with SPEED = fast (13 of 16, elsewhere 0 of 2, without 14 that failed "
-            "otherwise)",
-        ),
-    ],
-    ids=["more often", "what hides the rest"],
-)
-def test_an_axis_that_may_be_the_cause_is_named_where_trials_are_too_few(rows: list[Row], said: str) -> None:
-    why = explain(table_of(rows))
-    assert why is not None
-    [group] = [each for each in why.groups if each.requirement == "polite"]
-    assert (group.claims, group.nothing) == ([], said)
+    assert split.groups[0].refused == (
+        "all 8 have slip = 0.6 (8 of 8, elsewhere 0 of 8); too few to claim: that takes 10 failures, and there are "
+        "8; to tell so large an effect takes 20 trials instead of 16, such as 10 seeds instead of 8"
+    )
 
 
 def two_stops(hides: str = "", gentle_is_judged: bool = True) -> list[Row]:
@@ -351,9 +448,9 @@ def test_where_no_trial_passed_those_that_failed_otherwise_are_compared() -> Non
     assert why is not None
     said = {each.requirement: each.in_words for each in why.groups}
     assert said["gentle"].startswith(
-        "gentle, in Living: 32 trials missed it first; STOP = near: 32 of 32, elsewhere 0 of 32: "
+        "gentle, in Living: 32 trials missed it first; STOP = near: all 32 failed; elsewhere none of 32 did, in "
     )
-    assert said["quick"].startswith("quick: 32 trials missed it first; STOP = far: 32 of 32, elsewhere 0 of 32: ")
+    assert said["quick"].startswith("quick: 32 trials missed it first; STOP = far: all 32 failed; elsewhere none of ")
     assert said["quick"].endswith("; 32 that failed otherwise are compared, too, as nearly none passed")
 
 
@@ -363,6 +460,7 @@ def test_a_requirement_missed_later_counts_as_missed_where_no_trial_passed() -> 
     [gentle] = [each for each in why.groups if each.requirement == "gentle"]
     [claim] = gentle.claims
     assert (claim.failed_inside, claim.failed_outside, claim.trials_outside) == (32, 16, 32)
+    assert gentle.cause.startswith("with STOP = near, all 32 trials missed gentle; elsewhere 16 of 32 did: ")
 
 
 @pytest.mark.parametrize("rows", [two_stops(gentle_is_judged=False), two_stops(hides="end")], ids=["no", "too short"])
@@ -387,7 +485,7 @@ def test_a_trial_that_the_duration_limit_ended_was_not_cut_short_by_what_it_miss
     assert why is not None
     [gentle] = [each for each in why.groups if each.requirement == "gentle"]
     assert gentle.in_words.startswith(
-        "gentle, in Living: 32 trials missed it first; STOP = near: 32 of 32, elsewhere 0 of 32: "
+        "gentle, in Living: 32 trials missed it first; STOP = near: all 32 failed; elsewhere none of 32 did, in "
     )
 
 
@@ -431,6 +529,19 @@ def test_a_failure_that_hides_another_is_no_cause_of_it_where_nearly_no_trial_pa
     assert claimed <= 3, "0.6 would be expected of 5 %"
 
 
+def test_jobs_without_trials_count_as_trials_beside_jobs_with_some() -> None:
+    jobs: list[Row] = [{"job": f"sim-{each}", "trial": None, "outcome": "failed", "world": each} for each in range(3)]
+    of_trials: list[Row] = [{"job": "sim-3", "outcome": "failed" if each < 10 else "passed"} for each in range(50)]
+    mixed, alone = explain(table_of([*jobs, *of_trials])), explain(table_of(jobs))
+    assert mixed is not None
+    assert alone is not None
+    said = [(why.size, why.groups[0].size) for why in (mixed, alone)]
+    assert said == [
+        ("13 of 53 trials failed", "polite: 13 trials missed it first"),
+        ("3 of 3 jobs failed", "polite: 3 jobs missed it first"),
+    ]
+
+
 def test_many_trials_tell_that_no_axis_is_the_cause() -> None:
     why = explain(table_of(in_worlds(8, 100, lambda _, __, chance: chance.random() < 0.5)))
     assert why is not None
@@ -440,8 +551,13 @@ def test_many_trials_tell_that_no_axis_is_the_cause() -> None:
 def test_without_axes_and_with_few_worlds_nothing_can_be_claimed(made: Callable[..., Any]) -> None:
     why = explain(made([{"outcome": "failed" if each < 20 else "passed"} for each in range(40)]))
     assert why is not None
-    assert why.refused == ["no cause can be claimed of trials without axes in 1 world; axes, or 6 worlds, would do"]
-    assert claims(why) == []
+    assert (why.refused, claims(why)) == ([], []), "they were not to find a cause"
+    rows = in_worlds(3, 10, lambda _, __, chance: chance.random() < 0.5)
+    why = explain(made([{**row, "axes": {}} for row in rows]))
+    assert why is not None
+    assert why.refused == [
+        "3 worlds are too few to look for what the failures have in common; 6 of them, or axes, would do"
+    ]
 
 
 def test_an_example_is_one_that_was_recorded(made: Callable[..., Any]) -> None:

@@ -9,6 +9,7 @@ from prefect_robomaker.schemas.reports.report import ArmComparison, AxisResult
 from prefect_robomaker.schemas.reports.run_record import JobRecord
 from prefect_robomaker.tasks.comparison.arms import axis_results, holm_adjusted, joined
 from prefect_robomaker.tasks.comparison.compared_runs import CellTable, NightRun
+from prefect_robomaker.tasks.results.rates import wilson_interval
 from prefect_robomaker.tasks.results.table import ResultTable
 
 
@@ -22,10 +23,13 @@ def arm(letters: str, robot: str, *, step: str = "drive", limit: float = 5.0, **
     ]
 
 
-def results_of(jobs: list[JobRecord], digests: dict[str, str] | None = None) -> list[AxisResult]:
+def results_of(
+    jobs: list[JobRecord], digests: dict[str, str] | None = None, *, between_worlds: bool = False
+) -> list[AxisResult]:
     run = NightRun.of(make_night(jobs))
     table = ResultTable.of(jobs)
-    return axis_results(NightRun(run.run_id, run.name, run.started_at, run.state, jobs, table=table), digests or {})
+    night = NightRun(run.run_id, run.name, run.started_at, run.state, jobs, table=table)
+    return axis_results(night, digests or {}, between_worlds=between_worlds)
 
 
 def compared(jobs: list[JobRecord], digests: dict[str, str] | None = None) -> list[ArmComparison]:
@@ -102,7 +106,7 @@ def test_pairs_that_share_a_world_are_no_sample_of_worlds() -> None:
 
 def test_comparisons_of_worlds_make_those_of_robots_no_weaker() -> None:
     """An axis of worlds beside that of robots; six worlds are a sample, and are not compared."""
-    for count, compared_worlds in ((3, 2), (6, 0)):
+    for count, asked in ((3, 2), (6, 0)):
         worlds = [f"w{number}" for number in range(count)]
         jobs = [
             job
@@ -114,9 +118,12 @@ def test_comparisons_of_worlds_make_those_of_robots_no_weaker() -> None:
         [robots] = found["robot"].comparisons
         assert robots.rate is not None
         assert robots.adjusted_p_value == robots.rate.p_value
-        assert len(found["place"].comparisons) == compared_worlds
-        assert [each.value for each in found["place"].comparisons] == ["flat w1", "flat w2"][:compared_worlds]
-    assert found["place"].note == "its 6 values are worlds, too many to be compared each with the first one"
+        assert found["place"].comparisons == [], "nobody asked for them"
+        [place] = [each for each in results_of(jobs, between_worlds=True) if each.axis == "place"]
+        assert [each.value for each in place.comparisons] == ["flat w1", "flat w2"][:asked]
+        notes = {3: "its 3 values are worlds, which are compared on request only"}
+        notes[6] = "its 6 values are worlds, too many to be compared each with the first one"
+        assert found["place"].note == notes[count]
 
 
 def test_jobs_of_one_cell_in_several_worlds_have_no_partner_in_another_one() -> None:
@@ -190,6 +197,29 @@ def test_many_values_share_the_error_of_one() -> None:
     assert holm_adjusted([]) == []
 
 
+@pytest.mark.parametrize(
+    ("margins", "result", "told"),
+    [
+        ("PPPPPP FFFFFF", "too few pairs to tell", "6 of 6 that differ went the same way; 1 more pair would show it"),
+        ("PPPPPP PPPFPP", "too few pairs to tell", "1 of 1 that differ went the same way; 59 more pairs would show it"),
+        (f"{'P' * 60} {'P' * 60}", "no difference shown", ""),
+    ],
+)
+def test_pairs_that_are_too_few_for_an_answer_are_not_called_the_same(margins: str, result: str, told: str) -> None:
+    """All pairs that differ may go one way, and still be too few beside those of another axis (Holm)."""
+    near, far = margins.split()
+    jobs = [
+        job
+        for value, letters in (("0.28", near), ("0.19", far))
+        for first, speed in enumerate(("slow", "fast"))
+        for job in arm(letters[first::2], "scout", margin=value, speed=speed)
+    ]
+    [margin] = [each for axis in results_of(jobs) if axis.axis == "margin" for each in axis.comparisons]
+    assert (margin.answer, margin.result) == ("no difference shown", result)
+    assert told in margin.why
+    assert ("more pair" in margin.why) == bool(told)
+
+
 def test_an_axis_that_changes_nothing_is_told() -> None:
     jobs = [*arm("PP", "scout"), *arm("PP", "rover")]
     digests = {job.label: f"states of {job.inputs and job.inputs.seed}" for job in jobs}
@@ -232,3 +262,13 @@ def test_pairs_that_repeat_others_are_no_more_evidence() -> None:
     assert (once.pairs, once.repeated, once.rate.pairs, once.answer) == (12, 8, 4, "no difference shown")
     assert "8 pairs repeat another pair state by state and do not count" in once.why
     assert (unknown.rate.pairs, unknown.answer) == (12, "worse")
+
+
+def test_copies_do_not_narrow_the_interval_of_a_value() -> None:
+    jobs = [job.model_copy(update={"state_digest": "same"}) for job in moved(arm("PPP", "scout"), ["w"] * 3)]
+
+    [result] = results_of(jobs)
+
+    [share] = result.shares
+    assert (share.passed, share.copies) == (3, 2)
+    assert (share.low, share.high) == wilson_interval(1, 1)

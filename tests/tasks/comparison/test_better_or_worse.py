@@ -1,7 +1,7 @@
 """Comparing two runs: the four answers and what they rest on."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 from helpers.night_records import make_job, make_night, make_trials_night
@@ -11,8 +11,10 @@ from hypothesis import strategies as st
 from prefect_robomaker.schemas.reports.comparison import Comparison
 from prefect_robomaker.schemas.reports.run_exit_codes import ANSWER_EXIT_CODES
 from prefect_robomaker.schemas.reports.run_record import JobRecord
+from prefect_robomaker.schemas.runs.plan import Requirement
 from prefect_robomaker.tasks.comparison.better_or_worse import compare
 from prefect_robomaker.tasks.comparison.compared_runs import NightRun
+from prefect_robomaker.tasks.comparison.detection import PlannedTrials, Question, liveliest_pairs, plan_pairs
 from prefect_robomaker.tasks.comparison.history import since_last_run
 
 
@@ -76,7 +78,23 @@ def test_trials_that_the_second_run_lacks_may_be_the_fall(rest: str) -> None:
 def test_pairs_that_are_needed_to_exclude_a_margin() -> None:
     needed = compared("P" * 20, "P" * 20, margin=0.1).needed
     assert needed is not None
-    assert (needed.basis, needed.pairs, needed.more) == ("margin", 35, 15)
+    assert (needed.basis, needed.pairs, needed.more) == ("margin", 165, 145)
+    assert needed.assumed == ["20% of pairs differ: these runs have fewer than 20 pairs, or none that differ"]
+
+
+@pytest.mark.parametrize("letters", [("P" * 40, "P" * 37 + "FFF"), ("P" * 8, "F" * 3 + "P" * 5), ("P" * 22, "P" * 22)])
+@pytest.mark.parametrize("kind", ["difference", "margin"])
+def test_a_plan_and_a_comparison_need_as_many_pairs(
+    letters: tuple[str, str], kind: Literal["difference", "margin"]
+) -> None:
+    """They assume the same of the same two runs, and say so in the same words."""
+    runs = [NightRun.of(make_night(each, number)) for number, each in enumerate(letters)]
+    needed = compare(runs[0], runs[1], **{kind: 0.12}).needed
+    earlier = liveliest_pairs(runs)
+    planned = plan_pairs(Question(kind, 0.12), PlannedTrials(len(letters[0]), len(letters[0])), earlier)
+    assert needed is not None
+    assert (needed.pairs, needed.discordant, needed.more) == (planned.pairs, planned.discordant, planned.more)
+    assert needed.assumed[0].partition(":")[0] == planned.assumed[0].partition(":")[0]
 
 
 def test_what_changed_is_listed_with_its_reason() -> None:
@@ -106,7 +124,7 @@ def test_needed_pairs_are_for_the_difference_found_asked_for_or_ten_points() -> 
     )
     asked = compared("PPPP", "FPPP", difference=0.1).needed
     assert asked is not None
-    assert (asked.basis, asked.discordant, asked.more) == ("asked for", 0.25, asked.pairs - 4)
+    assert (asked.basis, asked.discordant, asked.more) == ("asked for", 0.2, asked.pairs - 4)
     none = compared("PPPP", "PPPP").needed
     assert none is not None
     assert (none.basis, none.difference) == ("10 points", 0.1)
@@ -212,6 +230,57 @@ def test_metrics_of_what_broke_or_is_not_finite_do_not_count() -> None:
     after = [make_job(0, "P", metrics={"x": float("nan")}), make_job(1, "F", metrics={"x": 3.0, "y": 1.0})]
     (only,) = compared(before, after).metrics
     assert (only.name, only.pairs, only.difference, only.low, only.changed) == ("x", 1, 2.0, None, False)
+
+
+def to_bed(index: int, margin: float, unit: str = "s") -> JobRecord:
+    goal = Requirement(name="to-bed", kind="goal", satisfied=unit == "s", detail="", unit=unit, margin=margin)
+    return make_job(index, "P" if unit == "s" else "F").model_copy(update={"requirements": [goal]})
+
+
+def test_times_left_at_goals_are_compared_where_both_robots_reached_them() -> None:
+    """The margin of a goal that was missed is a distance."""
+    before = [to_bed(index, 50.0 + index) for index in range(4)]
+    after = [*(to_bed(index, 30.0 + index) for index in range(3)), to_bed(3, -2.0, "m")]
+    (margin,) = compared(before, after).margins
+    assert (margin.name, margin.unit, margin.pairs, margin.difference, margin.fell) == ("to-bed", "s", 3, -20.0, 3)
+
+
+@pytest.mark.parametrize(
+    ("states", "identical", "told"), [("abcd", 4, "nothing changed"), ("abcx", 3, "too few pairs to tell")]
+)
+def test_pairs_that_went_through_the_same_states_need_no_more_pairs(
+    tmp_path: Path, states: str, identical: int, told: str
+) -> None:
+    before = make_trials_night(["PPPF"], runs=tmp_path, states="abcd")
+    after = make_trials_night(["PPPF"], 1, runs=tmp_path, states=states)
+    comparison = compare(NightRun.of(before), NightRun.of(after))
+    assert (comparison.identical, comparison.answer_in_words) == (identical, told)
+    assert (comparison.needed is None) == (told == "nothing changed")
+    assert (comparison.answer, comparison.exit_code) == ("no difference shown", 6)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "told"),
+    [
+        ("PPP", "FPP", "1 of 3 jobs newly fails, and none newly passes"),
+        ("PPF", "FFP", "2 of 3 jobs newly fail, and 1 newly passes"),
+        ("PFF", "PPP", "2 of 3 jobs newly pass, and none newly fails"),
+        ("PPP", "PPP", ""),
+        ("P" * 8, "F" * 8, ""),
+    ],
+    ids=["one fails", "both", "two pass", "none", "the answer says it"],
+)
+def test_jobs_that_turned_are_told_although_chance_may_do_that(before: str, after: str, told: str) -> None:
+    assert compared(before, after).turned_in_words == told
+
+
+def test_nothing_changed_is_said_only_if_all_pairs_were_judged_alike(tmp_path: Path) -> None:
+    """A trial that broke has no states to compare."""
+    before = make_trials_night(["PPP"], runs=tmp_path, states="abc")
+    after = make_trials_night(["PPE"], 1, runs=tmp_path, states="abx")
+    comparison = compare(NightRun.of(before), NightRun.of(after))
+    assert (comparison.identical, comparison.unjudged) == (2, 1)
+    assert comparison.answer_in_words != "nothing changed"
 
 
 LETTERS = st.text("PFECN", max_size=30)

@@ -4,10 +4,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from helpers.night_records import make_job, make_night, store_night
+from helpers.night_records import make_job, make_night, make_trials_night, store_night
 
 from prefect_robomaker.deployments.cli.output.comparison import changed_lines, comparison_lines, history_lines
-from prefect_robomaker.schemas.reports.changes import Losses
+from prefect_robomaker.schemas.reports.changes import Loss, Losses
 from prefect_robomaker.schemas.reports.run_record import JobRecord, RerunOf, RunRecord
 from prefect_robomaker.schemas.runs.plan import Requirement
 from prefect_robomaker.schemas.settings import NotifyWhen
@@ -70,7 +70,9 @@ def test_a_job_that_vanished_is_gone() -> None:
         ("drive: request 3 scout, seed 3", "sim-0-2", "failed")
     ]
     assert found.no_longer_judged == found.asked_less == []
-    assert losses_in_words(found) == ["1 job is gone: drive: request 3 scout, seed 3 (failed before)"]
+    assert losses_in_words(found) == [
+        "1 job is gone, since drive has 2 seeds instead of 3: drive: request 3 scout, seed 3 (failed before)"
+    ]
 
 
 @pytest.mark.parametrize(
@@ -223,7 +225,7 @@ def test_fewer_trials_are_named_everywhere_and_no_night_is_good_again() -> None:
     since = lost(records)
     assert losses_in_words(since) == [line]
     message = told(records)
-    assert (message.title, message.good) == ("nightly: succeeded, 1 pass of 1 job, 1 with fewer trials", False)
+    assert (message.title, message.good) == ("nightly: passed, 1 of 1 job passed, 1 with fewer trials", False)
     assert line in message.body
     ran = [NightRun.of(each) for each in records]
     assert f"  {line}" in history_lines(history_of("nightly", ran), Path("page"))
@@ -260,9 +262,9 @@ def test_another_seed_in_the_place_of_one_that_failed_is_said() -> None:
 
 
 @pytest.mark.parametrize(("now", "title"), [
-    ("PP-", "nightly: succeeded, 2 pass of 2 jobs, 1 job gone"),
-    ("PPN", "nightly: succeeded, 2 pass, 1 without a verdict of 3 jobs, 1 no longer judged"),
-    ("NNN", "nightly: succeeded, 0 pass, 3 without a verdict of 3 jobs, 3 no longer judged"),
+    ("PP-", "nightly: passed, 2 of 2 jobs passed, 1 job gone"),
+    ("PPN", "nightly: succeeded, 2 of 3 jobs passed, 1 without a verdict, 1 no longer judged"),
+    ("NNN", "nightly: succeeded, 0 of 3 jobs passed, 3 without a verdict, 3 no longer judged"),
 ])  # fmt: skip
 def test_a_night_that_shrinks_is_not_good_again(now: str, title: str) -> None:
     records = nights("PPF", now)
@@ -279,16 +281,35 @@ def test_a_night_that_shrinks_is_not_good_again(now: str, title: str) -> None:
 
 def test_what_was_lost_in_a_bad_night_keeps_the_next_from_being_good_again() -> None:
     message = told(nights("PPF", "EP-", "PP-"))
-    assert message.title == "nightly: succeeded, 2 pass of 2 jobs, 1 job gone"
-    assert told(nights("PPF", "EP-", "PPP")).title == "nightly: succeeded, good again, 3 pass of 3 jobs"
-    assert told(nights("PPP", "PP-", "PF-", "PP-")).title == "nightly: succeeded, good again, 2 pass of 2 jobs"
+    assert message.title == "nightly: passed, 2 of 2 jobs passed, 1 job gone"
+    assert told(nights("PPF", "EP-", "PPP")).title == "nightly: passed, good again, 3 of 3 jobs passed"
+    assert told(nights("PPP", "PP-", "PF-", "PP-")).title == "nightly: passed, good again, 2 of 2 jobs passed"
+
+
+def test_the_end_of_a_run_says_what_newly_fails_and_what_changed_then(tmp_path: Path) -> None:
+    """Also where no trial has its pair, as a value of an axis changed; of many jobs that are gone two are named."""
+
+    def night(letters: str, number: int, delay: float) -> RunRecord:
+        made = make_night(letters, number, runs=tmp_path, trials=str(delay))
+        jobs = [job.model_copy(update={"requirements": []}) for job in made.jobs]
+        return made.model_copy(update={"parameters": {"delay": delay}, "jobs": jobs})
+
+    first, second = night("PPPPPPP", 0, 0), night("FFFP", 1, 0.6)
+    store_night(first)
+    *others, gone, failing, compare = changed_lines(second)
+    assert others == []
+    assert gone.startswith("3 jobs are gone, since drive has 4 worlds instead of 7: ")
+    assert gone.endswith("; and 1 more")
+    assert failing == f"newly failing 3 since {first.run_id} (changed: parameter delay: 0 → 0.6)"
+    assert compare == f"better or worse: robomaker compare {first.run_id} {second.run_id}"
 
 
 def test_reruns_and_probes_are_no_nights(tmp_path: Path) -> None:
     first, second = (each.model_copy(update={"run_dir": tmp_path / each.run_id}) for each in nights("PPF", "--P"))
     store_night(first)
     assert changed_lines(second) == ["gentle: newly met in 1 of 1 trial",
-                                     "2 jobs are gone: drive: request 1 scout, seed 1 (passed before); "
+                                     "2 jobs are gone, since drive has 1 seed instead of 3: "
+                                     "drive: request 1 scout, seed 1 (passed before); "
                                   "drive: request 2 scout, seed 2 (passed before)",
                                      f"better or worse: robomaker compare {first.run_id} {second.run_id}"]  # fmt: skip
     assert len(since_last_good(second).gone) == 2
@@ -307,5 +328,60 @@ def test_commands_name_it(now: str) -> None:
     compared = "\n".join(comparison_lines(compare(*records)))
     for text in (printed, compared):
         assert "drive: request 3 scout, seed 3" in text
-        assert ("is gone: " if now == "PP-" else "no longer judged: ") in text
+        assert ("is gone, since drive has 2 seeds instead of 3: " if now == "PP-" else "no longer judged: ") in text
     assert "No job" not in printed
+
+
+def test_the_cause_of_missing_jobs_is_said_with_its_parameter() -> None:
+    """Six jobs of three seeds in two worlds; the next night has one world and two seeds, as its parameters say."""
+    cells = [(world, seed) for world in ("a", "b") for seed in (1, 2, 3)]
+    before, after = (
+        night_of(
+            number,
+            *(make_job(index, "P", night=number, world=world, seed=seed) for index, (world, seed) in enumerate(some)),
+            parameters=parameters,
+        )
+        for number, (some, parameters) in enumerate(
+            ((cells, {"seeds": 3, "worlds": ["a", "b"]}), (cells[:2], {"seeds": 2, "worlds": ["a"]}))
+        )
+    )
+    found = lost([before, after])
+    assert [each.causes for each in found.gone] == [
+        ["2 seeds instead of 3 (parameter seeds)"],
+        ["1 world instead of 2 (parameter worlds)"],
+        ["1 world instead of 2 (parameter worlds)"],
+        ["2 seeds instead of 3 (parameter seeds)", "1 world instead of 2 (parameter worlds)"],
+    ]
+    example = (Loss.model_fields["causes"].description or "").split("`")[1]
+    assert example.replace("20", "3") == found.gone[0].causes[0], "the description has other words"
+    [line] = losses_in_words(found)
+    assert line.startswith(
+        "4 jobs are gone, since drive has 2 seeds instead of 3 (parameter seeds) and 1 world instead of 2 "
+        "(parameter worlds): drive: world-3 scout, seed 3 (passed before); "
+    )
+
+
+def test_values_of_axes_that_are_missing_are_said_and_else_nothing() -> None:
+    jobs = [
+        make_job(index, "P", world=None, seed=1).model_copy(update={"axes": {"robot": robot}})
+        for index, robot in enumerate(("rover", "scout"))
+    ]
+    found = lost([night_of(0, *jobs), night_of(1, jobs[0])])
+    assert [each.causes for each in found.gone] == [["1 value of axis robot instead of 2"]]
+    alone = lost([night_of(0, make_job(0, "P", seed=1)), night_of(1)])
+    assert [each.causes for each in alone.gone] == [["no jobs"]]
+    twice = [make_job(index, "P", world=None, seed=1) for index in range(2)]
+    [unknown] = lost([night_of(0, *twice), night_of(1, twice[0])]).gone
+    assert unknown.causes == []
+
+
+def test_the_cause_of_fewer_trials_is_said(tmp_path: Path) -> None:
+    nights = [
+        make_trials_night([letters], number, runs=tmp_path).model_copy(update={"parameters": {"seeds": len(letters)}})
+        for number, letters in enumerate(("PPPP", "PP"))
+    ]
+    for night in nights:
+        night.jobs[0].metrics["trials"] = float(night.parameters["seeds"])
+    [found] = lost(nights).fewer_trials
+    assert (found.trials_before, found.trials_now) == (4, 2)
+    assert found.causes == ["2 seeds instead of 4 (parameter seeds)"]

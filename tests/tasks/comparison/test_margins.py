@@ -88,7 +88,7 @@ def test_six_worlds_that_do_not_differ_exclude_no_fall_by_ten_points() -> None:
     many = JudgedTrials(np.ones(120, dtype=bool), np.ones(120, dtype=bool), np.repeat(np.arange(40), 3))
     found = [rate_change(each, 0.05, 0.1).margin for each in (few, many)]
     assert [each.outcome for each in found if each] == ["not shown", "shown"]
-    assert needed_pairs(few, 0.05, None, 0.1).worlds == pytest.approx(37, abs=3)
+    assert needed_pairs(few, ("a", "b"), 0.05, None, 0.1).worlds == pytest.approx(48, abs=3)
 
 
 def test_needed_worlds_have_the_power_that_is_said() -> None:

@@ -1,15 +1,53 @@
 """Changes of requirements name the code that changed; chance is named only where nothing did."""
 
+from pathlib import Path
 from typing import Any
 
 import pytest
-from helpers.night_records import make_job, make_night
+from helpers.night_records import make_job, make_night, store_night, trials_of
 
+from prefect_robomaker.deployments.cli.output.comparison import comparison_lines
 from prefect_robomaker.schemas.runs.plan import Requirement
 from prefect_robomaker.tasks.comparison.better_or_worse import compare
 from prefect_robomaker.tasks.comparison.compared_runs import NightRun, reason_of
 from prefect_robomaker.tasks.comparison.history import since_last_run
-from prefect_robomaker.tasks.reporting.nights.changes import requirement_in_words
+from prefect_robomaker.tasks.reporting.nights.changes import place_in_words, requirement_in_words
+from prefect_robomaker.tasks.results.table import RESULTS_FILE, ResultTable
+
+
+def test_a_trial_is_named_by_the_values_of_its_axes(tmp_path: Path) -> None:
+    """The trial with a mass of 2.1 newly misses; the axis of the step is in the name of the job."""
+    runs = []
+    for night, letters in enumerate(("PP", "PF")):
+        job = make_job(0, letters[1], night=night).model_copy(update={"axes": {"robot": "scout"}})
+        table = trials_of(letters, axes={"mass": "2.1", "floor": "a rug that is quite long and green"})
+        record = make_night([job], night, runs=tmp_path)
+        ResultTable.of([job], lambda _, table=table: table).write(store_night(record) / RESULTS_FILE)
+        runs.append(NightRun.of(record))
+    comparison = compare(*runs)
+    [change] = comparison.requirements
+    [place] = change.places
+    title = "mass 2.1, floor a rug that is quite lon… (trial 1)"
+    assert place_in_words(place) == f"drive: world-1 scout, seed 7, {title}: 9 N, at most 5 N asked"
+    assert (place.before_job, place.before_trial) == ("sim-0-0", 1)
+    lines = comparison_lines(comparison)
+    assert "  watch one     robomaker repro sim-1-0 --trial 1" in lines
+    assert "  the same in A robomaker repro sim-0-0 --trial 1" in lines
+
+
+def test_an_axis_that_shares_no_value_is_why_runs_are_not_comparable(tmp_path: Path) -> None:
+    runs = []
+    for night, bias in enumerate(("0", "0.12")):
+        job = make_job(0, "P", night=night)
+        table = trials_of("PP", axes={"bias": bias, "floor": "rug"})
+        record = make_night([job], night, runs=tmp_path)
+        ResultTable.of([job], lambda _, table=table: table).write(store_night(record) / RESULTS_FILE)
+        runs.append(NightRun.of(record))
+    comparison = compare(*runs)
+    assert comparison.why.startswith(
+        "no trials are pairs: axis bias is 0 in the first run and 0.12 in the second run. Trials are compared where "
+    )
+    assert "  pairs         both runs have 1 job, and no trial in common" in comparison_lines(comparison)
 
 
 @pytest.mark.parametrize(
@@ -54,3 +92,17 @@ def test_the_reason_of_a_job_with_trials_says_trials_once() -> None:
     own = Requirement(name="trials", satisfied=False, detail="1 of 2 trials did not pass: trial 0")
     job = make_job(0, "F").model_copy(update={"requirements": [own]})
     assert reason_of(job) == "1 of 2 trials did not pass: trial 0"
+
+
+@pytest.mark.parametrize(("known", "told"), [(True, []), (False, ["no hard collision"])])
+def test_a_health_requirement_that_did_not_count_before_is_not_newly_missed(known: bool, told: list[str]) -> None:
+    """It does not count in a run that ended with its goals reached, so that nothing can be compared."""
+    hit = Requirement(name="no hard collision", kind="health", satisfied=False, detail="247 N")
+    jobs = [make_job(0, "P"), make_job(0, "F", night=1)]
+    own = [[hit.model_copy(update={"satisfied": True, "counts": False})] if known else [], [hit]]
+    asked = [each for each in jobs[0].requirements if each.satisfied]
+    nights = [
+        make_night([job.model_copy(update={"requirements": [*asked, *more]})], night)
+        for night, (job, more) in enumerate(zip(jobs, own, strict=True))
+    ]
+    assert [each.name for each in compare(*map(NightRun.of, nights)).requirements] == told

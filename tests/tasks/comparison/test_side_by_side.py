@@ -72,9 +72,14 @@ OFF = {"kind": "off", "counts": False, "margin": None, "limit": None}
         (item(False, **OFF), item(False, **OFF), "unchanged", "it does not count"),
         (item(False, **OFF), item(**OFF), "unchanged", "it does not count"),
         (item(False, **OFF), item(), "not comparable", "it does not count in A"),
-        (item(counts=False), item(False), "worse", "newly missed"),  # A ended with its goals reached
-        (item(False), item(counts=False), "better", "newly met"),
-        (item(), item(False, counts=False), "worse", "newly missed"),
+        (
+            item(counts=False),
+            item(False),
+            "not comparable",
+            "it does not count in A",
+        ),  # it ended with its goals reached
+        (item(False), item(counts=False), "not comparable", "it does not count in B"),
+        (item(), item(False, counts=False), "not comparable", "it does not count in B"),
         (item(False, **OFF), None, "unchanged", "it does not count"),
     ],
 )

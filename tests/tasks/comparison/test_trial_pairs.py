@@ -148,7 +148,7 @@ def test_trials_are_matched_by_their_parameters_too(tmp_path: Path) -> None:
         runs.append(NightRun.of(record))
     found = compare(*runs)
     assert (found.trials, found.answer) == (0, "not comparable")
-    assert "no trial of one run has the seed and the axes" in found.why
+    assert "no trials are pairs: axis SPEED is 1 in the first run and 2 in the second run" in found.why
 
 
 def test_another_limit_is_no_other_way_of_failing() -> None:

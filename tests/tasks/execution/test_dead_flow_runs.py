@@ -129,7 +129,7 @@ def test_silence_says_nothing_where_a_server_keeps_no_events(
 
 
 def ended_well(_: object) -> Any:
-    return Completed(message="succeeded: 60 of 60 verdicts pass")
+    return Completed(message="passed: 60 of 60 jobs passed")
 
 
 def type_of(client: SyncPrefectClient, run: UUID) -> str:
@@ -162,7 +162,7 @@ def test_a_run_that_was_called_dead_and_had_ended_is_shown_as_it_ended_with_what
         assert (type_of(client, outer), type_of(client, dead)) == ("COMPLETED", "CRASHED")
         shown = client.read_flow_run(outer).state
         assert shown is not None
-        assert shown.message == "succeeded: 60 of 60 verdicts pass"
+        assert shown.message == "passed: 60 of 60 jobs passed"
         task_state = lambda: client.read_task_run(in_outer).state  # noqa: E731
         wait_for(lambda: (state := task_state()) is not None and state.is_completed(), "the end of the task run")
 

@@ -6,11 +6,17 @@ import pytest
 from helpers.night_records import FIRST_NIGHT
 from helpers.swing_fixtures import Simulate
 
-from prefect_robomaker.schemas.documents.simulation_jobs import MadeOf, SimulationJobDocument
+from prefect_robomaker.schemas.documents.simulation_jobs import (
+    MadeOf,
+    ResolvedDataSource,
+    ResolvedKey,
+    SimulationJobDocument,
+)
 from prefect_robomaker.schemas.reports.report import ReportedJob
 from prefect_robomaker.schemas.reports.run_record import StepRecord
+from prefect_robomaker.schemas.runs.plan import RunResult
 from prefect_robomaker.tasks.catalog import Resource
-from prefect_robomaker.tasks.inspection.job_outputs import inputs_of_request, with_inputs
+from prefect_robomaker.tasks.inspection.job_outputs import inputs_of_request, told_of_twins, with_inputs
 from prefect_robomaker.tasks.inspection.reports import jobs_of
 from prefect_robomaker.tasks.service.service import Service
 
@@ -50,6 +56,29 @@ def test_what_is_other_every_night_is_no_other_request() -> None:
         assert inputs_of_request(other, 1).request_sha256 != plain
 
 
+def test_trials_and_data_decide_the_result_too() -> None:
+    """The values of an axis that a parameter sets, say; not which trials are recorded."""
+
+    def digest_of(source: list[ResolvedDataSource] | None = None, **members: Any) -> str | None:
+        return inputs_of_request(request(**members), 1, source or []).trials_and_data_sha256
+
+    def delayed(value: float, **more: Any) -> dict[str, Any]:
+        return {"seeds": 2, "axes": {"delay": {"kind": "motor_delay_s", "values": [value]}}, **more}
+
+    plain = digest_of(trials=delayed(0))
+    assert plain is not None
+    assert plain == digest_of(trials=delayed(0, record=[1], record_failed=3), tags={"night": "2"})
+    assert len({plain, digest_of(), digest_of(trials=delayed(0.6)), digest_of(trials=delayed(0, seeds=3))}) == 4
+
+    asked = [{"name": "map", "s3Bucket": "maps", "s3Keys": ["a"]}]
+    maps = [
+        [ResolvedDataSource(name="map", s3_bucket="maps", s3_keys=[ResolvedKey(s3_key="a", etag=etag)])]
+        for etag in "xy"
+    ]
+    assert digest_of(maps[0], dataSources=asked) != digest_of(maps[1], dataSources=asked)
+    assert digest_of(dataSources=asked) is None, "its contents are not known"
+
+
 def step_of(name: str, job: dict[str, Any]) -> StepRecord:
     return StepRecord(
         name=name, operation="CreateSimulationJob", status="Completed", started_at=FIRST_NIGHT, ended_at=FIRST_NIGHT,
@@ -80,6 +109,29 @@ def test_jobs_that_went_through_the_same_states_are_said_to_be_one_trial(service
     results = [job.result for job in jobs_of(steps, service)]
     note = "this and 1 other job of the run went through the same states: they count once"
     assert [result.remarks if result else None for result in results] == [[note], [note], []]
+
+
+def test_an_axis_that_changes_nothing_is_named() -> None:
+    """Not one that changes something elsewhere, as where the robot hits nothing."""
+
+    def notes(states: dict[tuple[str, int], str]) -> list[list[str]]:
+        jobs = [
+            ReportedJob(
+                label=f"sim-{number}", status="Completed", step="drive", seed=1,
+                axes={"NOBODY_READS": text, "MASS": mass},
+                result=RunResult(
+                    verdict="PASS", sim_time_s=1, wall_time_s=1, real_time_factor=1, ended_by="agent", seed=1,
+                    state_digest=digest,
+                ),
+            )
+            for number, ((text, mass), digest) in enumerate(states.items())
+        ]  # fmt: skip
+        return [job.result.notes if job.result else [] for job in told_of_twins(jobs)]
+
+    once = "this and 1 other job of the run went through the same states: they count once"
+    idle = {("a", 1): "light", ("b", 1): "light", ("a", 2): "heavy", ("b", 2): "heavy"}
+    assert notes(idle) == [[f"axis NOBODY_READS changed nothing: {once}"]] * 4
+    assert notes({**idle, ("b", 2): "heavier"}) == [[once], [once], [], []]
 
 
 def test_worlds_that_are_deleted_are_told_apart(service: Service) -> None:

@@ -13,19 +13,30 @@ import pytest
 from prefect_robomaker.schemas.reports.forecast import Forecast, Places
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.specs.check import load_spec
+from prefect_robomaker.schemas.specs.yaml_nodes import plain
 from prefect_robomaker.schemas.wire.errors import (
+    Place,
+    Problem,
     SpecError,
     StorageAccessDeniedError,
     StorageError,
 )
 from prefect_robomaker.tasks.backends.backend import BackendError, open_backend
 from prefect_robomaker.tasks.inspection.forecasting import keep_forecast
-from prefect_robomaker.tasks.inspection.preflight import await_store, check_disk, check_preconditions, check_templates
+from prefect_robomaker.tasks.inspection.pipeline_parts import refusal_in_words
+from prefect_robomaker.tasks.inspection.preflight import (
+    await_store,
+    check_disk,
+    check_preconditions,
+    check_templates,
+    with_all_found,
+)
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service, Timing
 from prefect_robomaker.tasks.storage.directory import DirectoryStore
 
 SUITE = {"name": "General"}
+WORLD = "arn:aws:robomaker:us-east-1:000000000000:world/import-1/world-1"
 
 
 def spec(robot: str, *, location: Any = None, **steps: Any) -> Any:
@@ -34,6 +45,9 @@ def spec(robot: str, *, location: Any = None, **steps: Any) -> Any:
         "maxJobDurationInSeconds": 60,
         "iamRole": "arn:aws:iam::000000000000:role/test",
         "robotApplications": [{"application": robot, "launchConfig": {}}],
+        "simulationApplications": [
+            {"application": "indoor-navigation", "launchConfig": {}, "worldConfigs": [{"world": WORLD}]}
+        ],
     }
     drive = {"operation": "CreateSimulationJob", "input": request}
     return load_spec(json.dumps({"version": 1, "name": "check", "steps": {"drive": drive, **steps}}), "check.yaml")
@@ -46,6 +60,36 @@ def test_a_misspelt_application_is_found_before_anything_runs(service: Service) 
     check_preconditions(spec("scout"), service)
 
 
+def test_all_applications_and_worlds_that_do_not_exist_are_named_at_once(service: Service) -> None:
+    request = {
+        "maxJobDurationInSeconds": 60,
+        "iamRole": "arn:aws:iam::000000000000:role/test",
+        "robotApplications": [{"application": "my-robot", "launchConfig": {}}],
+        "simulationApplications": [
+            {"application": "my-yard", "launchConfig": {}, "worldConfigs": [{"world": "gone"}]}
+        ],
+    }  # fmt: skip
+    drive = {"operation": "CreateSimulationJob", "input": request}
+    checked = load_spec(json.dumps({"version": 1, "name": "check", "steps": {"drive": drive}}, indent=1), "check.yaml")
+
+    with pytest.raises(SpecError) as refused:
+        with_all_found(checked, service)
+
+    told = [each.message for each in refused.value.problems]
+    assert [each[: each.index("' ") + 1 if "' " in each else None] for each in told] == [
+        "there is no robot application 'my-robot'", "there is no simulation application 'my-yard'", "'gone'",
+    ]  # fmt: skip
+    words = refusal_in_words(refused.value)
+    assert words.startswith("there is no robot application 'my-robot'")
+    assert "(check.yaml:12:22); there is no simulation application 'my-yard'" in words
+    assert "\n" not in words
+
+
+def test_a_reason_that_does_not_name_its_object_keeps_the_path() -> None:
+    problem = Problem(Place("night.yaml", 3, 5), "parameters.height", "is not known")
+    assert refusal_in_words(SpecError([problem, problem])) == "parameters.height: is not known (night.yaml:3:5)"
+
+
 def test_an_application_that_a_step_makes_counts_as_existing(service: Service) -> None:
     uri = {"uri": "python://my_robot"}
     make = {
@@ -54,6 +98,57 @@ def test_an_application_that_a_step_makes_counts_as_existing(service: Service) -
     }
 
     check_preconditions(spec("mine", make=make), service)
+
+
+ARCHIVE = {"s3Bucket": "robomaker", "s3Key": "applications/mine.tar.gz"}
+MAKE = {
+    "operation": "CreateRobotApplication",
+    "input": {"name": "mine", "sources": [ARCHIVE], "robotSoftwareSuite": SUITE},
+}
+
+
+def test_an_archive_that_is_not_in_the_store_is_found_before_anything_runs(service: Service) -> None:
+    service.store.ensure_bucket("robomaker")
+    service.store.put_bytes("robomaker", "applications/mine.tar.gz.old", b"its name begins so")
+
+    with pytest.raises(SpecError) as refused:
+        check_preconditions(spec("mine", make=MAKE), service)
+
+    (problem,) = refused.value.problems
+    assert problem.path == "steps.make.input.sources[0].s3Key"
+    assert refusal_in_words(refused.value).startswith(
+        "there is no object 's3://robomaker/applications/mine.tar.gz' in the object store (check.yaml:1:"
+    )
+
+    service.store.put_bytes("robomaker", "applications/mine.tar.gz", b"packed")
+    check_preconditions(spec("mine", make=MAKE), service)
+
+
+def test_data_below_a_place_that_a_step_writes_to_may_come_later(service: Service) -> None:
+    service.store.ensure_bucket("maps")
+    data = {"name": "maps", "s3Bucket": "maps", "s3Keys": ["nightly/"]}
+
+    def wanted(prefix: str) -> Any:
+        made = spec("scout", location={"s3Bucket": "maps", "s3Prefix": prefix})
+        request = {**plain(made.steps["drive"].input), "dataSources": [data]}
+        read = {"operation": "CreateSimulationJob", "input": request}
+        return load_spec(json.dumps({"version": 1, "name": "check", "steps": {"read": read}}), "check.yaml")
+
+    check_preconditions(wanted("nightly"), service)
+    with pytest.raises(SpecError, match=r"dataSources\[0\]\.s3Keys\[0\].*there is no object 's3://maps/nightly/'"):
+        check_preconditions(wanted("weekly"), service)
+    service.store.put_bytes("maps", "nightly/flat.yaml", b"a map")
+    check_preconditions(wanted("weekly"), service)
+
+
+def test_an_object_that_may_not_be_read_is_left_to_the_step(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A job may have a role that may read it."""
+
+    def head(*_: object) -> Any:
+        raise StorageAccessDeniedError("cannot read robomaker/applications/mine.tar.gz: 403")
+
+    monkeypatch.setattr(DirectoryStore, "head", head)
+    check_preconditions(spec("mine", make=MAKE), service)
 
 
 def test_an_application_is_no_world_template(service: Service) -> None:

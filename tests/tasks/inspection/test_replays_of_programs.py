@@ -1,6 +1,7 @@
 """Runs whose robot is a program are repeated without it, from what it did; other programs are named as in the way."""
 
 import hashlib
+import re
 import runpy
 import shutil
 import sys
@@ -83,6 +84,15 @@ def test_an_environment_that_no_seed_repeats_still_diverges(service: Service, pu
     assert answer.answer == "diverged"
     assert str(answer).startswith("diverged at t=2.000 s in joint ")
     assert str(answer).endswith(NOT_RUN)
+
+
+@pytest.mark.deep
+def test_an_environment_that_diverges_before_its_robot_is_not_told_as_the_robots_chance(
+    service: Service, push: Simulate
+) -> None:
+    answer = verify_run(push({"PUSH": "0.3"}, DRIFT_AT="60")["arn"], service, run_program=True)
+    assert answer.answer == "diverged"
+    assert str(answer).endswith("; the robot's program was run again")
 
 
 def test_actions_that_are_not_the_runs_are_not_taken_for_them(service: Service, push: Simulate) -> None:
@@ -168,7 +178,13 @@ def test_a_program_that_decides_the_same_can_be_run_again(service: Service, push
     assert answer.digest == answer.digest_again
     by_chance = verify_run(other["arn"], service, run_program=True)
     assert str(by_chance).startswith("diverged at t=1.000 s in joint ")
-    assert str(by_chance).endswith("; the robot's program was run again")
+    said = re.search(r"; the robot's program was run again; first difference in the command(.*); (.*)$", str(by_chance))
+    assert said is not None, str(by_chance)
+    assert re.fullmatch(r" at step 1 \(0\.00 s\): \S+ and \S+", said[1]), "the states at 1 s follow from it"
+    job = other["arn"].rpartition("/")[2]
+    assert said[2] == f"robomaker flaky RUN --job {job} finds the source of chance"
+    assert by_chance.divergence is not None
+    assert by_chance.divergence.command == said[1]
     assert list(service.folder("scratch").iterdir()) == []
     service.store.delete("applications", "robot.tar.gz")
     assert verify_run(same["arn"], service, run_program=True).answer == "bit-identical", "its archive was kept"

@@ -16,7 +16,7 @@ from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.specs.resolving import resolve_input
 from prefect_robomaker.schemas.wire.errors import ConfigurationError, ResourceNotFoundException
 from prefect_robomaker.tasks.catalog import Resource
-from prefect_robomaker.tasks.inspection.reports import job_records, jobs_of
+from prefect_robomaker.tasks.inspection.reports import job_records, jobs_of, records_of_ended
 from prefect_robomaker.tasks.inspection.reruns import Selection, plan_rerun
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.results.table import ResultTable
@@ -168,10 +168,22 @@ def test_worlds_of_one_name_are_not_taken_for_each_other(service: Service, night
         "flat 1 (generation-aaaa), SPEED=1", "flat 1 (generation-aaaa), SPEED=2", "flat 1 (generation-bbbb)"
     ]  # fmt: skip
     records = job_records(jobs, {}, service)
+    assert [each.case_name.partition(" in ")[2] for each in records] == [
+        "flat 1, SPEED=1", "flat 1, SPEED=2", "flat 1"
+    ], "as in JUnit, also in another run"  # fmt: skip
     table = ResultTable.of(records)
     assert table.texts("world_name") == [job.world_name for job in jobs]
     assert table.texts("job_name") == [job.name for job in jobs]
     assert table.texts("job") == ids
+
+
+def test_records_of_single_jobs_have_no_names_of_test_cases(
+    service: Service, night: tuple[RunRecord, list[str]]
+) -> None:
+    """Others of their step, which may have the same name, are not known yet."""
+    jobs = service.catalog.children(night[0].steps[0].arn or "", kind="simulation-job")
+    records, _ = records_of_ended("drive", jobs, service)
+    assert {(each.test == each.label, each.case_name) for each in records} == {(True, "")}
 
 
 def test_jobs_and_worlds_are_named_as_they_are_shown(service: Service, night: tuple[RunRecord, list[str]]) -> None:

@@ -29,13 +29,14 @@ def worlds(count: int, **members: Any) -> dict[str, Any]:
 
 
 def job(robot: str = "scout", world: str = "", **members: Any) -> dict[str, Any]:
-    simulation: dict[str, Any] = {"application": "indoor-navigation", "launchConfig": {}}
+    launch = {} if world else {"command": ["./drive"]}  # a program of its own needs no world
+    simulation: dict[str, Any] = {"application": "indoor-navigation", "launchConfig": launch}
     if world:
         simulation["worldConfigs"] = [{"world": world}]
     request = {
         "maxJobDurationInSeconds": 60,
         "iamRole": ROLE,
-        "robotApplications": [{"application": robot, "launchConfig": {}}],
+        "robotApplications": [{"application": robot, "launchConfig": launch}],
         "simulationApplications": [simulation],
         **members,
     }
@@ -68,8 +69,10 @@ def test_what_was_never_made_is_run(plan: Plan) -> None:
     assert parts["loose"] == [PlannedPart("job", reuse=False, why=NO_SEED)]
 
 
-def test_trials_without_a_seed_begin_with_seed_0(plan: Plan) -> None:
-    parts = plan(drive=job(trials={"seeds": 2}))
+@pytest.mark.usefixtures("known_worlds")
+def test_trials_without_a_seed_begin_with_seed_0(plan: Plan, generate: Callable[..., dict[str, Any]]) -> None:
+    world = generate(floorplans=1)["finishedWorldsSummary"]["succeededWorlds"][0]
+    parts = plan(drive=job(world=world, trials={"seeds": 2}))
 
     assert parts["drive"] == [PlannedPart("job", reuse=False, why="no job had these inputs yet")]
 

@@ -1,11 +1,12 @@
 """Records of runs in their folders."""
 
 import os
+import shutil
 from datetime import timedelta
 from pathlib import Path
 
 import pytest
-from helpers.night_records import FIRST_NIGHT, make_night, store_night
+from helpers.night_records import FIRST_NIGHT, make_job, make_night, store_night
 
 from prefect_robomaker.schemas.reports.run_record import RerunOf, RunRecord
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
@@ -98,3 +99,23 @@ def test_a_run_is_compared_with_those_that_began_before_it(runs: Path) -> None:
     assert second.previous_run_id == "nightly-20260301T020000000"
     assert [each.cell.test for each in second.newly_failing] == ["world-1 scout"]
     assert since_last(NightRun.of(make_night("FF", 0, runs=runs)), runs).previous_run_id is None
+
+
+def test_the_record_of_a_copied_home_has_the_paths_of_the_copy(tmp_path: Path) -> None:
+    before, copy = tmp_path / "before", tmp_path / "a copy"
+    outputs = (before / "objects" / "robomaker" / "sim-1" / "2026").as_uri()
+    uris = {"P": outputs, "F": "s3://robomaker/sim-2/2026", "N": "file:///elsewhere/sim-3/2026"}
+    jobs = [make_job(0, letter).model_copy(update={"output_uri": uri}) for letter, uri in uris.items()]
+    folder = store_night(make_night(jobs, runs=before / "runs"))
+    alone = Path(shutil.copytree(folder, tmp_path / "kept" / "alone"))
+    assert [job.output_uri for job in read_record(alone / "run.json").jobs] == list(uris.values()), "it is no home"
+    (before / "objects").mkdir()
+    shutil.copytree(before, copy)
+
+    record = read_record(copy / "runs" / folder.name / "run.json")
+
+    assert record.run_dir == copy / "runs" / folder.name
+    assert record.report_path == record.run_dir / "report.html"
+    moved = (copy / "objects" / "robomaker" / "sim-1" / "2026").as_uri()
+    assert [job.output_uri for job in record.jobs] == [moved, *list(uris.values())[1:]]
+    assert read_record(folder / "run.json").run_dir == folder

@@ -1,11 +1,12 @@
 """The trials of a batch are counted from what the catalog has of its jobs."""
 
+from collections import Counter
 from typing import Any
 
 import pytest
 
 from prefect_robomaker.schemas.runs.trials import TrialCounts
-from prefect_robomaker.tasks.jobs.batch_workers import BatchTrials
+from prefect_robomaker.tasks.jobs.batch_workers import BatchTrials, EndedJobs
 from prefect_robomaker.tasks.service.service import Service
 
 BATCH = "arn:aws:robomaker:us-east-1:000000000000:simulation-job-batch/batch-1"
@@ -91,3 +92,23 @@ def test_without_trials_there_is_nothing_to_count_and_the_catalog_is_not_asked(
 
     assert not trials.look(now=True)
     assert trials.counts is None
+
+
+def test_ended_jobs_are_told_by_their_verdicts(service: Service) -> None:
+    """A job whose end was not noted yet is told as one that stores."""
+
+    def ended(status: str, verdict: str | None = None) -> Any:
+        document = {"requestIndex": 0, "request": {}, "seed": 0, "verdict": verdict}
+        return service.store_job("simulation-job", "sim", document, tags=None, token=None, parent=BATCH, status=status)
+
+    jobs = [ended("Completed", "PASS"), ended("Completed", "FAIL"), ended("Completed"), ended("Failed")]
+    seen = EndedJobs([*jobs, ended("Running"), ended("Canceled")])
+    counts = Counter({"completed": 4, "failed": 1, "running": 1, "canceled": 1})
+    seen.tell(counts)
+    assert +counts == {
+        "passed": 1, "failed": 1, "no verdict": 1, "broken": 1, "storing": 1, "running": 1, "canceled": 1,
+    }  # fmt: skip
+
+    before = Counter({"running": 4})
+    seen.tell(before)
+    assert +before == {"running": 4}, "the counts were taken before they ended"

@@ -28,7 +28,10 @@ steps:
     input:
       createSimulationJobRequests:
         - maxJobDurationInSeconds: 60
-          simulationApplications: [{application: indoor-navigation, launchConfig: {}}]
+          simulationApplications:
+            - application: indoor-navigation
+              launchConfig: {}
+              worldConfigs: [{world: "arn:aws:robomaker:us-east-1:000000000000:world/import-1/world-1"}]
 """
 
 
@@ -116,7 +119,7 @@ def test_requests_that_have_not_become_jobs_yet_have_rows(
         os.close(run.lock)
 
     found = stand_of(run.folder, service)
-    assert found.in_words() == f"{outcome}: 5 unfinished"
+    assert found.in_words() == f"{outcome}: 0 of 5 jobs passed, 5 unfinished"
     assert table_of(found, service).texts("outcome") == ["unfinished"] * 5
     assert {job.label for job in found.jobs if job.arn is None} <= {f"request {index}" for index in range(1, 6)}
     assert [job.failure_reason for job in found.jobs] == ["the request has not become a job yet"] * 5

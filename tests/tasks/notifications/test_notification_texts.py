@@ -8,7 +8,7 @@ import pytest
 from helpers.night_records import make_job, make_night
 
 from prefect_robomaker.schemas.reports.report import RunState
-from prefect_robomaker.schemas.reports.run_record import JobRecord, RunRecord, StepRecord
+from prefect_robomaker.schemas.reports.run_record import BEFORE_STEPS, JobRecord, RunRecord, StepRecord
 from prefect_robomaker.schemas.runs.plan import Requirement
 from prefect_robomaker.schemas.settings import NotifyWhen, Settings
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
@@ -74,10 +74,10 @@ def test_the_message_names_the_three_worst_and_how_to_run_them_again() -> None:
 
     message = message_of(run, None)
 
-    assert message.title == "night: broken, 1 pass, 3 fail, 1 broke, 1 canceled of 6 jobs"
+    assert message.title == "night: broken, 1 of 6 jobs passed, 3 failed, 1 broke, 1 canceled"
     assert not message.good
     assert message.body.splitlines() == [
-        "1 pass, 3 fail, 1 broke, 1 canceled of 6 jobs.",
+        "1 of 6 jobs passed, 3 failed, 1 broke, 1 canceled.",
         "",
         "1. sim-d: SimulationApplicationCrash: it fell",
         "2. sim-c in flat/world-3: goal-0: 0 of 9; goal-1: 1 of 9",
@@ -85,8 +85,34 @@ def test_the_message_names_the_three_worst_and_how_to_run_them_again() -> None:
         "and 1 more",
         "",
         "Report: /runs/night-1/report.html",
+        "Open it: robomaker report night-1 --open",
         "Run these again: robomaker rerun night-1 --failed",
     ]
+
+
+def test_known_failures_are_counted_by_themselves_and_come_last() -> None:
+    known = "anna until 2027-01-15: ticket 512"
+    jobs = [
+        JobRecord(label="sim-a", status="Completed", verdict="FAIL", requirements=missed(2), known=known),
+        JobRecord(label="sim-b", status="Completed", verdict="FAIL", requirements=missed(1)),
+        JobRecord(label="sim-c", status="Completed", verdict="PASS"),
+    ]
+
+    message = message_of(record("failed", jobs), None)
+
+    assert message.title == "night: failed, 1 of 3 jobs passed, 1 failed, 1 known"
+    assert message.body.splitlines()[:4] == [
+        "1 of 3 jobs passed, 1 failed, 1 known.",
+        "",
+        "1. sim-b: goal-0: 0 of 9",
+        "2. sim-a: known, anna until 2027-01-15: ticket 512: goal-0: 0 of 9; goal-1: 1 of 9",
+    ]
+
+
+def test_reasons_are_in_the_order_of_the_verdict() -> None:
+    reason = "goal-1: 1 of 9; goal-0: 0 of 9"
+    job = JobRecord(label="sim-a", status="Completed", verdict="FAIL", requirements=missed(2), verdict_reason=reason)
+    assert f"1. sim-a: {reason}" in message_of(record("failed", [job]), None).body.splitlines()
 
 
 def test_jobs_are_named_as_people_name_them() -> None:
@@ -123,7 +149,7 @@ def test_all_failures_count_and_the_worst_comes_first_however_many_there_are() -
 
     message = message_of(record("broken", [*jobs, broken]), None)
 
-    assert message.title == "night: broken, 0 pass, 300 fail, 1 broke of 301 jobs"
+    assert message.title == "night: broken, 0 of 301 jobs passed, 300 failed, 1 broke"
     assert message.body.splitlines()[2] == "1. sim-last: RobotApplicationCrash: gone"
     assert "and 298 more" in message.body.splitlines()
 
@@ -133,12 +159,24 @@ def test_a_run_without_a_report_is_not_said_to_have_made_no_jobs() -> None:
     assert "Its report could not be written." in message_of(record("broken", report_path=None), None).body
 
 
+def test_a_run_that_broke_before_its_jobs_has_the_reason_in_its_title() -> None:
+    reason = f"there is no robot application 'brisc' (night.yaml:42:28){' and more' * 30}"
+    step = StepRecord(name=BEFORE_STEPS, operation="RunPipeline", status="Failed", error=reason)
+    refused = message_of(record("broken", steps=[step]), None)
+    assert refused.title.startswith("night: refused, there is no robot application 'brisc' (night.yaml:42:28) and")
+    assert len(refused.title) == len("night: refused, ") + 120
+    assert f"It was refused before its first step: {reason[:200]}" in refused.body
+
+    broke = message_of(record("broken", steps=[step.model_copy(update={"name": "robot", "error": "no archive"})]), None)
+    assert broke.title == "night: broken, step robot: no archive"
+
+
 def test_a_good_night_after_bad_ones_says_so() -> None:
     message = message_of(
         record("succeeded", [JobRecord(label="a", status="Completed", verdict="PASS")]), record("failed")
     )
 
-    assert message.title == "night: succeeded, good again, 1 pass of 1 job"
+    assert message.title == "night: passed, good again, 1 of 1 job passed"
     assert message.good
     assert "rerun" not in message.body
 
@@ -148,7 +186,7 @@ def test_a_step_that_failed_is_told() -> None:
 
     message = message_of(record("broken", steps=[step]), None)
 
-    assert message.title == "night: broken"
+    assert message.title == "night: broken, step worlds: no walls met"
     assert "Step worlds (CreateWorldGenerationJob): no walls met" in message.body.splitlines()
 
 
@@ -188,8 +226,20 @@ def test_another_way_of_failing_is_in_the_title() -> None:
     first, second = night(0, "goal"), night(1, "gentle", "upright")
     since = since_last_run([NightRun.of(first), NightRun.of(second)])
     message = message_of(second, first, since)
-    assert message.title == f"nightly: {second.state}, 0 pass, 1 fail of 1 job, newly missed: gentle, upright"
+    assert message.title == f"nightly: {second.state}, 0 of 1 job passed, 1 failed, newly missed: gentle, upright"
     missed = "gentle: newly missed in 1 of 1 trial"
     assert f"{missed}; world and seed are the same; `robomaker flaky` tells whether it is chance" in message.body
     assert "goal: newly met in 1 of 1 trial" in message.body
     assert since.still_failing[0].newly_missed == ["gentle", "upright"]
+
+
+def test_run_these_again_is_a_command_that_runs_these_again() -> None:
+    """Jobs decide, not the state: a known failure leaves that as it is, and what broke may be no job."""
+    passed = JobRecord(label="sim-a", status="Completed", verdict="PASS")
+    known = JobRecord(label="sim-b", status="Completed", verdict="FAIL", known="anna until 2027-01-15")
+    message = message_of(record("succeeded", [passed, known]), None)
+    assert message.body.splitlines()[-1] == "Run these again: robomaker rerun night-1 --failed"
+    assert record("broken", [passed]).again == "robomaker rerun night-1", "none has failed"
+    for status in ("Canceled", "Running", "NotCreated"):
+        ended = passed.model_copy(update={"status": status})
+        assert record("succeeded", [passed, ended]).again == "robomaker rerun night-1 --failed"

@@ -11,7 +11,9 @@ from prefect_robomaker.tasks.notifications import sending
 from prefect_robomaker.tasks.notifications.notification_texts import Message
 from prefect_robomaker.tasks.notifications.sending import send, unknown_channels
 
-MESSAGE = Message("night: failed, 1 pass, 1 fail of 2 jobs", "1. sim-b: goal: 2 of 5 rooms\n.\nReport: /r", good=False)
+MESSAGE = Message(
+    "night: failed, 1 of 2 jobs passed, 1 failed", "1. sim-b: goal: 2 of 5 rooms\n.\nReport: /r", good=False
+)
 PNG = base64.b64decode(
     "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg=="
 )

@@ -137,7 +137,7 @@ def test_times_say_whose_they_are(mixed_report: Report) -> None:
     html = render_report(mixed_report)
     assert "Simulated time <" in html
     assert "Wall time <" in html
-    assert "Wall time is that of the whole job" in html
+    assert "Wall time is that of a job's run" in html
     assert ">Duration<" not in html
 
 
@@ -152,3 +152,10 @@ def test_a_known_failure_is_not_red_in_a_report_that_is_green(
     assert 'class="badge failed"' not in html
     assert 'class="tile failed"' not in html
     assert "known failure" in html
+    assert "<strong>Succeeded</strong>: 0 of 1 job passed" in html
+
+
+def test_a_report_whose_jobs_all_passed_says_passed(make_job: Any, make_result: Any, make_report: Any) -> None:
+    jobs = [make_job("sim-1", None, result=make_result("PASS", 4))]
+    html = render_report(make_report([], jobs, state="succeeded"))
+    assert "<strong>Passed</strong>: 1 of 1 job passed" in html

@@ -9,7 +9,15 @@ import pytest
 from helpers.browser import NEEDS_BROWSER, browsing
 from helpers.planted_causes import draw, planted
 
-from prefect_robomaker.schemas.reports.causes import CellPlot, FailureGroup, MarginPlot, PlotCell, Why
+from prefect_robomaker.schemas.reports.causes import (
+    AxisEffects,
+    CellPlot,
+    Effect,
+    FailureGroup,
+    MarginPlot,
+    PlotCell,
+    Why,
+)
 from prefect_robomaker.schemas.reports.report import Report
 from prefect_robomaker.tasks.causes.explanation import explain
 from prefect_robomaker.tasks.causes.stored import read_why, write_why
@@ -41,6 +49,9 @@ def test_all_reports_tell_the_same_cause_and_how_to_see_it() -> None:
         assert "FLOOR = carpet" in text
         assert "38 of 186, elsewhere 8 of 367: 9.5 times as often (95 %: 3.5 to 25.9), in such worlds" in text
         assert "robomaker repro sim-0 --trial 49" in re.sub(r"<span class=\"whole\">(--trial 49)</span>", r"\1", text)
+    effects = [AxisEffects(axis="FLOOR", effects=[Effect(on="", claim="to-bed: FLOOR = carpet")])]
+    page = render_report(report(why).model_copy(update={"effects": effects}))
+    assert page.count("9.5 times as often") == 2, "the sentence, and the table of groups"
     assert '<span class="whole">--trial 49</span>' in page, "no line breaks inside of --trial"
     assert '<span class="sub">trial 49</span>' in page, "no line begins with a comma"
     assert first.startswith("to-bed: 46 trials missed it first; FLOOR = carpet: 38 of 186")

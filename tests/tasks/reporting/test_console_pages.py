@@ -1,6 +1,7 @@
 """Links to a console are printed only while it answers, and to others only those that open where they are."""
 
 import json
+import shutil
 import socket
 from pathlib import Path
 
@@ -33,6 +34,16 @@ def test_a_console_is_found_while_it_answers(settings: Settings) -> None:
     assert pages_here(settings) == NO_CONSOLE
     forget_console(settings.home)
     assert list(settings.home.iterdir()) == []
+
+
+def test_the_console_of_the_home_that_was_copied_is_not_the_one_of_the_copy(settings: Settings, tmp_path: Path) -> None:
+    copy = Settings.from_environment({"ROBOMAKER_HOME": str(tmp_path / "copy")})
+    copy.home.mkdir()
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        note_console(settings.home, f"http://127.0.0.1:{server.getsockname()[1]}/console")
+        shutil.copyfile(settings.home / "console.json", copy.home / "console.json")
+        assert pages_here(settings) != NO_CONSOLE
+        assert pages_here(copy) == NO_CONSOLE
 
 
 def test_a_note_that_is_none_is_no_console(settings: Settings) -> None:

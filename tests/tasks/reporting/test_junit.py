@@ -25,6 +25,12 @@ def parsed(report: Report) -> Any:
     return root
 
 
+def facts(root: Any) -> dict[str, dict[str, str]]:
+    """The lines of each test case's output, as `name: value`, by the case's name."""
+    cases = {case.get("name"): case.findtext("system-out") or "" for case in root.iterfind(".//testcase")}
+    return {name: dict(line.split(": ", 1) for line in text.splitlines()) for name, text in cases.items()}
+
+
 @pytest.fixture
 def report(mixed_report: Report) -> Report:
     jobs = [job.model_copy(update={"step": "drive"}) for job in mixed_report.jobs]
@@ -49,18 +55,16 @@ def test_a_step_is_a_suite_and_a_job_a_case(report: Report) -> None:
     ]  # fmt: skip
 
 
-def test_pages_of_the_console_are_properties(report: Report) -> None:
+def test_pages_of_the_console_are_told(report: Report) -> None:
     jobs = [job.model_copy(update={"arn": f"arn:x:simulation-job/sim-{n}"}) for n, job in enumerate(report.jobs)]
     summary = summarize(report.model_copy(update={"jobs": jobs}), None, "https://robots.example/console")
     root = etree.fromstring(junit_xml(summary))
     SCHEMA.assertValid(root)
     properties = {each.get("name"): each.get("value") for each in root.iterfind(".//property")}
     assert properties["page"] == f"https://robots.example/console/runs/{report.run_id}"
-    told = {case.get("name"): case.findtext("system-out") for case in root.iterfind(".//testcase")}
-    assert {
-        name: f"page: {properties[f'{name}.page']}" in (text or "") for name, text in told.items()
-    } == dict.fromkeys(told, True)
-    assert properties["w1.page"] == "https://robots.example/console/jobs/sim-0"
+    told = facts(root)
+    assert told["w1"]["page"] == "https://robots.example/console/jobs/sim-0"
+    assert all("page" in each for each in told.values())
     assert "page" not in {each.get("name") for each in parsed(report).iterfind(".//property")}
 
 
@@ -87,48 +91,67 @@ def test_a_requirement_that_broke_is_an_error(report: Report) -> None:
     assert root.find(".//failure") is None
 
 
-def test_seed_world_and_outputs_are_told(report: Report) -> None:
+def test_seed_world_and_outputs_are_told_once(report: Report) -> None:
+    """They are lines of the job's output; the suite has only what all its jobs share."""
     root = parsed(report)
+    told = facts(root)["w1"]
+    assert (told["job"], told["seed"], told["world"]) == ("sim-pass1", "7", "generation-1/world-1")
+    assert told["output"].startswith("file:///")
+    assert told["PASS"] == "collisions: 0, at most 0 asked"
     properties = {each.get("name"): each.get("value") for each in root.iterfind(".//property")}
-    assert properties["w1.job"] == "sim-pass1"
-    assert properties["w1.seed"] == "7"
-    assert properties["w1.world"] == "generation-1/world-1"
-    assert properties["w1.output"].startswith("file:///")
-    assert properties["operation"] == "StartSimulationJobBatch"
-    told = root.find(".//testcase[@name='w1']/system-out").text
-    assert "seed: 7" in told
-    assert "PASS: collisions: 0, at most 0 asked" in told
+    assert properties == {"run": report.run_id, "operation": "StartSimulationJobBatch"}
 
 
-def test_the_name_for_people_is_told_and_names_no_test_case(report: Report) -> None:
+def test_the_name_for_people_names_the_test_case(report: Report) -> None:
     named = [
         job.model_copy(update={"name": f"scout in flat {number}"}) for number, job in enumerate(report.jobs, start=1)
     ]
-    before, after = parsed(report), parsed(report.model_copy(update={"jobs": named}))
-    assert [each.get("name") for each in after.iter("testcase")] == [
-        each.get("name") for each in before.iter("testcase")
-    ]
-    properties = {each.get("name"): each.get("value") for each in after.iterfind(".//property")}
-    assert properties["w1.name"] == "scout in flat 1"
-    assert "name: scout in flat 1" in (after.find(".//testcase[@name='w1']/system-out").text or "")
+    root = parsed(report.model_copy(update={"jobs": named}))
+    names = {name: told["test"] for name, told in facts(root).items()}
+    assert names["scout in flat 1"] == "w1"
+    assert sorted(names) == [f"scout in flat {number}" for number in range(1, 6)]
 
 
 def test_test_cases_are_called_the_same_in_every_run(report: Report) -> None:
+    """Neither the ids of worlds nor seeds are in their names, though they tell the jobs of one run apart."""
+
     def names(run: str, seed: int) -> list[str]:
-        world = f"arn:aws:robomaker:us-east-1:000000000000:world/generation-{run}/world-3"
-        facts = {"application": "scout", "seed": seed, "step": "drive"}
-        jobs = [
-            report.jobs[0].model_copy(update=facts | {"label": f"sim-{run}1", "world_arn": world}),
-            report.jobs[0].model_copy(update=facts | {"label": f"sim-{run}2", "world_arn": world}),
-            report.jobs[2].model_copy(update=facts | {"label": f"sim-{run}3", "world_arn": None}),
+        world = f"arn:aws:robomaker:us-east-1:000000000000:world/generation-{run}x33p9yxhhc/world-3"
+        facts_ = {"application": "scout", "seed": seed, "step": "drive"}
+        titles = [
+            f"scout in flat 3 (generation-{run}x3), seed={seed}",
+            f"scout in flat 3 (generation-{run}x3), seed={seed + 1}",
+            f"scout in flat 3 (generation-{run}x3), seed={seed}, SPEED=2",
+            f"scout in generation-{run}x33p9yxhhc/world-3",
+            "",
         ]
-        root = parsed(report.model_copy(update={"jobs": jobs}))
-        properties = {each.get("name"): each.get("value") for each in root.iterfind(".//property")}
-        assert properties["request 3 scout.job"] == f"sim-{run}3"
-        assert properties["request 3 scout.seed"] == str(seed), "what broke before it had a result has a seed too"
+        jobs = [
+            report.jobs[0].model_copy(
+                update=facts_ | {"label": f"sim-{run}{place}", "world_arn": world if place < 4 else None, "name": title}
+            )
+            for place, title in enumerate(titles)
+        ]
+        root = parsed(report.model_copy(update={"jobs": jobs, "state": "succeeded"}))
+        assert facts(root)["request 5 scout"]["job"] == f"sim-{run}4"
         return [case.get("name") for case in root.iterfind(".//testcase")]
 
-    assert names("q8", 5) == names("z2", 6) == ["request 3 scout", "world-3 scout", "world-3 scout (2)"]
+    assert names("q8", 5) == names("z2", 6) == [
+        "scout in flat 3", "scout in flat 3 (2)", "scout in flat 3, SPEED=2", "scout in world-3", "request 5 scout",
+    ]  # fmt: skip
+
+
+def test_names_that_somebody_gave_stay_whole_in_test_cases(report: Report) -> None:
+    """A blank and a word in brackets are no id, and an axis that is called `seed` is no seed of a run."""
+    world = "arn:aws:robomaker:us-east-1:000000000000:world/import-q8x33p9yxhhc/world-1"
+    titles = ["scout in Lab (wing-east)", "scout in Lab (wing-west)", "scout in Lab (import-q8x3)", "scout, seed=5"]
+    jobs = [
+        report.jobs[0].model_copy(
+            update={"name": title, "world_arn": world, "axes": {"seed": 5} if "seed" in title else {}}
+        )
+        for title in titles
+    ]
+    root = parsed(report.model_copy(update={"jobs": jobs, "state": "succeeded"}))
+    assert [case.get("name") for case in root.iterfind(".//testcase")] == [*titles[:2], "scout in Lab", titles[3]]
 
 
 def test_a_step_that_failed_without_jobs_is_an_error(report: Report) -> None:

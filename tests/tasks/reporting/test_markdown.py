@@ -1,5 +1,7 @@
 """Markdown reports, rendered by an independent renderer of the dialect that GitHub and GitLab have."""
 
+import re
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import Any
 
@@ -10,8 +12,9 @@ from hypothesis import strategies as st
 from lxml import html  # pyright: ignore[reportAttributeAccessIssue] - compiled, without types
 from markdown_it import MarkdownIt
 
-from prefect_robomaker.schemas.reports.causes import AxisEffects, Effect
+from prefect_robomaker.schemas.reports.causes import AxisEffects, Effect, FailureGroup, NeededUnits, Why
 from prefect_robomaker.schemas.reports.challenge import Challenge, ChallengedJob, SabotageResult
+from prefect_robomaker.schemas.reports.changes import SinceLastRun
 from prefect_robomaker.schemas.reports.report import (
     ArmComparison,
     AxisResult,
@@ -20,9 +23,10 @@ from prefect_robomaker.schemas.reports.report import (
     ReportedJob,
     ReportedStep,
 )
+from prefect_robomaker.schemas.runs.plan import Requirement
 from prefect_robomaker.tasks.comparison.compared_runs import NightRun
 from prefect_robomaker.tasks.comparison.history import since_last_run
-from prefect_robomaker.tasks.reporting import markdown_report, summarize
+from prefect_robomaker.tasks.reporting import markdown_report, render_report, summarize
 
 
 def page(text: str) -> Any:
@@ -65,6 +69,62 @@ def test_a_report_says_first_what_is_new_since_the_last_run(report: Report) -> N
     told = [item.text_content().strip() for item in page(text).iterfind(".//li")]
     missed = "gentle: newly missed in 1 of 1 trial; world and seed are the same, but application scout differs"
     assert told[:2] == [missed, f"newly failing: {since.newly_failing[0].cell.title}"]
+    assert told[2].startswith("changed then: application scout ")
+
+
+def test_a_requirement_says_in_how_many_jobs_it_does_not_count(report: Report) -> None:
+    """A run that a goal ended is not judged by its environment: else nothing was met beside jobs that passed."""
+
+    def asked(passed: bool) -> list[Requirement]:
+        return [Requirement(name="rooms_visited", satisfied=False, detail="not visited: Bath", counts=not passed)]
+
+    judged = [job for job in report.jobs if job.result is not None and job.result.verdict in ("PASS", "FAIL")]
+    jobs = [
+        job.model_copy(
+            update={"result": job.result.model_copy(update={"requirements": asked(job.result.verdict == "PASS")})}
+        )
+        for job in judged
+        if job.result is not None
+    ]
+
+    rows = [row for row in cells(markdown_report(summarize(report.model_copy(update={"jobs": jobs})))) if len(row) == 5]
+
+    assert [row[:3] for row in rows] == [["rooms_visited (does not count in 2 jobs)", "0", "1"]]
+
+
+def test_commands_are_never_cut(report: Report) -> None:
+    command = f"robomaker run night.yaml {' '.join(f'--set parameter_{number}={number}' for number in range(20))}"
+    refused = "a claim takes 10 failures, and there are 3; at this rate that takes 20 jobs instead of 6"
+    group = FailureGroup(requirement="gentle", failed=9, job="sim-1", command=f"{command} --x", refused=refused)
+    group = group.model_copy(update={"needed": NeededUnits(what="seeds", now=1, needed=4)})
+    why = Why(trials=20, failed=9, groups=[group], again=command)
+
+    text = markdown_report(summarize(report.model_copy(update={"why": why})))
+
+    assert f"{refused}; then {command}" in page(text).text_content()
+    assert ["gentle", "9", refused, f"{command} --x"] in cells(text)
+
+
+def test_jobs_that_never_began_are_one_line(report: Report) -> None:
+    world = report.worlds[0].arn
+    unmade = [
+        ReportedJob(
+            label=f"request {each}", step="drive", status="NotCreated", failure_code="BatchCanceled", world_arn=world
+        )
+        for each in range(6, 9)
+    ]
+    stopped = report.model_copy(
+        update={"jobs": [*report.jobs, *unmade], "against": "better than night-1", "stopped_early": True}
+    )
+    said = "3 jobs were not needed: it was decided before."
+    for told in (markdown_report(summarize(stopped)), render_report(stopped)):
+        assert told.count(said) == 1
+        assert "request 7" not in told
+    first = stopped.model_copy(update={"jobs": [*unmade, *report.jobs]})
+    links = [re.findall(r'class="badge [a-z]+" href="#job-(\d+)"', render_report(each)) for each in (report, first)]
+    assert [str(int(each) + len(unmade)) for each in links[0]] == links[1], "jobs of a world are its own"
+    canceled = stopped.model_copy(update={"stopped_early": False, "state": "broken"})
+    assert "3 jobs were not started: the batch was canceled before." in render_report(canceled)
 
 
 def test_links_lead_to_the_console_where_one_is_known(report: Report) -> None:
@@ -163,13 +223,13 @@ def test_failures_that_are_known_are_counted_apart(report: Report) -> None:
 
 def test_effects_of_axes_are_told(report: Report) -> None:
     effects = [
-        AxisEffects(axis="mass", effects=[Effect(on="", start=1, end=2, change=0.2, low=0.1, high=0.3)]),
+        AxisEffects(axis="mass", effects=[Effect(on="", start=1, end=2, change=0.2, low=0.1, high=0.3, claim="all")]),
         AxisEffects(axis="grip", effects=[Effect(on="", start=1, end=2, change=0.0, low=-0.1, high=0.1)]),
     ]
 
     text = markdown_report(summarize(report.model_copy(update={"effects": effects})))
 
-    assert ["mass", "changes failures", "failures +20 points (+10 to +30) from 1 to 2"] in cells(text)
+    assert ["mass", "changes failures", "all; failures +20 points (+10 to +30) from 1 to 2"] in cells(text)
     assert ["grip", "no effect shown", "failures +0 points (-10 to +10) from 1 to 2"] in cells(text)
 
 
@@ -183,3 +243,34 @@ def test_values_of_an_axis_are_compared_in_pairs(report: Report) -> None:
     text = markdown_report(summarize(report.model_copy(update={"axes": axes})))
 
     assert ["drive", "robot: |rover| instead of scout", "passes less often", "8 pairs judged"] in cells(text)
+
+
+def since_of_margins(*nights: Sequence[float]) -> SinceLastRun:
+    """Changes between two nights whose jobs all pass, with the margins given."""
+    runs = []
+    for number, margins in enumerate(nights):
+        jobs = [make_job(index, "P", night=number) for index in range(len(margins))]
+        met = [
+            [job.requirements[0].model_copy(update={"margin": each})] for job, each in zip(jobs, margins, strict=True)
+        ]
+        told = [job.model_copy(update={"requirements": each}) for job, each in zip(jobs, met, strict=True)]
+        runs.append(NightRun.of(make_night(told, number)))
+    return since_last_run(runs)
+
+
+def test_margins_that_fell_are_listed(report: Report) -> None:
+    """All jobs pass both times, with smaller margins: about 4 N of 5 N, then 1 N."""
+    since = since_of_margins((3.9, 4.0, 4.1), (1.0, 1.0, 1.0))
+    said = page(markdown_report(summarize(report.model_copy(update={"since_last": since})))).text_content()
+    assert "margin of gentle fell: 4 → 1 N on average of 3 pairs, -3 N, by more than chance" in said
+    assert "gentle fell in 3 of 3 pairs, most in drive: world-3 scout, seed 7: 4.1 → 1 N" in said
+    rendered = render_report(report.model_copy(update={"since_last": since}))
+    assert "margin of gentle fell: 4 → 1 N" in rendered
+    assert "fell most here, 4.1 → 1 N; in 3 of 3 pairs it fell" in rendered
+
+
+def test_a_margin_that_may_have_fallen_by_chance_is_no_news(report: Report) -> None:
+    since = since_of_margins((3.0, 4.0, 1.0), (2.9, 1.0, 1.0))
+    changed = report.model_copy(update={"since_last": since})
+    assert "margin of gentle fell" not in markdown_report(summarize(changed))
+    assert "No verdict changed: 3 jobs pass as before. Margins may have moved" in render_report(changed)

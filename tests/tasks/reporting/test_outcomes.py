@@ -2,7 +2,13 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.tasks.reporting.outcomes import Outcome, count_outcomes, headline, outcome_of
+from prefect_robomaker.tasks.reporting.outcomes import (
+    Outcome,
+    count_outcomes,
+    headline,
+    outcome_of,
+    why_no_video_of_trial,
+)
 
 
 @pytest.mark.parametrize(
@@ -48,3 +54,17 @@ def test_headline_counts_in_words(mixed_report: Any, make_report: Any, make_worl
     assert headline(make_report([], [])) == "Nothing was simulated"
     assert headline(make_report([make_world()], [])) == "No simulation jobs; 1 world"
     assert headline(make_report([], [make_job("sim-1", None)])) == "0 of 1 job passed; 1 no verdict"
+
+
+@pytest.mark.parametrize(
+    ("policy", "verdict", "words"),
+    [
+        ("none", "FAIL", "asks for none"),
+        ("on-failure", "PASS", "did not fail"),
+        ("on-failure", "FAIL", "as many as `record_failed` says"),
+        ("always", "PASS", "none is stored"),
+        ("on-failure", "", "none is stored"),
+    ],
+)
+def test_a_recorded_trial_without_video_says_the_true_reason(policy: str, verdict: str, words: str) -> None:
+    assert words in why_no_video_of_trial(policy, verdict)

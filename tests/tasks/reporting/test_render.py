@@ -144,6 +144,19 @@ def test_waits_for_the_machine_are_told_for_the_run_and_for_each_job(
     assert "Waited for the machine" not in Document(render_report(make_report([], jobs[2:]))).text
 
 
+def test_a_job_says_how_long_its_videos_and_its_upload_took_after_its_run(
+    make_report: Any, make_job: Any, make_result: Any
+) -> None:
+    """Its wall time is that of the run."""
+    times = {"duration_s": 18.0, "video_s": 252.0, "upload_s": 0.2}
+    page = Document(render_report(make_report([], [make_job("sim-1", None, result=make_result("PASS", 9), **times)])))
+
+    assert re.search(r"wall time\s*18.0\s*s", page.text)
+    assert re.search(r"videos after the run\s*252.0\s*s", page.text)
+    assert not re.search(r"upload\s*0.2", page.text)
+    assert "Videos of failures are drawn and outputs stored after it" in page.text
+
+
 def test_who_carried_out_the_jobs_is_told_by_machine(make_report: Any, make_job: Any) -> None:
     owners = [JobOwner(program="a job worker", machine=name, process_id=place) for place, name in enumerate("aba")]
     jobs = [make_job(f"sim-{owner.process_id}", None, carried_out_by=owner) for owner in owners]

@@ -69,6 +69,19 @@ def test_a_card_shows_the_pass_rate_and_the_failing_trials(tmp_path: Path) -> No
     assert (share.passed, share.failed, share.low, share.high) == (90, 10, low, high)
 
 
+def test_the_trial_with_the_smallest_margin_is_named_when_all_pass() -> None:
+    tally = Tally(trials_of_variables(2, {"SPEED": ["0.2", "0.4"]}))
+    for number, margin in enumerate((0.2, 0.3, 0.028817, 0.2)):
+        asked = Requirement(
+            name="polite", kind="clearance", satisfied=True, detail="far", value=0.3, margin=margin, unit="m"
+        )
+        tally.take(TrialRow(trial=number, seed=number, verdict="PASS", requirements=[asked]))
+    made = tally.result("environment", 7, {}, [])
+    assert made.requirements[1].trial == 2
+    text = re.sub(r"<[^>]*>", "", render_report(report(made)))
+    assert "met in 4 of 4 trials (smallest margin 0.029 m, trial 2: robomaker repro sim-0 --trial 2)" in text
+
+
 def test_a_card_of_trials_sets_aside_only_what_is_off() -> None:
     trials = trials_of_variables(2, {"SPEED": ["0.2", "0.4"]})
     tally = Tally(trials)

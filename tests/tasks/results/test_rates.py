@@ -11,10 +11,12 @@ from prefect_robomaker.schemas.runs.plan import Requirement, RoomVisit, RunResul
 from prefect_robomaker.tasks.results.rates import (
     by_requirement,
     by_room,
+    by_world,
     counts_by,
     of_outcomes,
     of_table,
     share_of,
+    wilson_interval,
 )
 from prefect_robomaker.tasks.results.table import ResultTable
 
@@ -37,9 +39,9 @@ def test_a_rate_lies_in_its_interval(passed: int, failed: int, errors: int) -> N
 @given(st.integers(0, 300), st.integers(0, 300), st.data())
 def test_copies_widen_the_interval_and_leave_the_rate(passed: int, failed: int, data: st.DataObject) -> None:
     assume(passed + failed)
-    different = data.draw(st.integers(1, passed + failed))
-    all_of_them, share = share_of("", passed, failed), share_of("", passed, failed, different=different)
-    assert share.copies == passed + failed - different
+    copies = data.draw(st.integers(0, passed + failed - 1))
+    all_of_them, share = share_of("", passed, failed), share_of("", passed, failed, copies=copies)
+    assert share.copies == copies
     assert None not in (share.low, share.high, all_of_them.low, all_of_them.high)
     assert share.low <= all_of_them.low + 1e-12 <= share.rate + 1e-12 <= all_of_them.high + 2e-12 <= share.high + 3e-12  # type: ignore[operator]
 
@@ -56,6 +58,28 @@ def test_trials_that_went_through_the_same_states_are_copies() -> None:
     assert without.low is not None
     assert with_copies.low is not None
     assert with_copies.low < share_of("", 4, 1).low  # type: ignore[operator]
+
+
+def test_copies_are_left_out_of_the_intervals_of_every_table() -> None:
+    """Three jobs that went the same way were 3 trials of their world, and of their requirement."""
+    made = [make_job(0, letter, world="a") for letter in "PPPF"]
+    jobs = [job.model_copy(update={"state_digest": "s", "label": f"sim-{number}"}) for number, job in enumerate(made)]
+    results = ResultTable.of(jobs)
+
+    [world], [requirement], whole = by_world(results), by_requirement(results), of_table("", results)
+
+    for share in (world, requirement, whole):
+        assert (share.passed, share.failed, share.copies) == (3, 1, 2), share.name
+        assert (share.low, share.high) == wilson_interval(1.5, 2)
+        assert share.remark == "2 copies not counted"
+
+
+def test_the_same_states_in_another_world_are_no_copy() -> None:
+    """A robot that stands still goes through the same states in both."""
+    jobs = [
+        make_job(index, "P", world=name).model_copy(update={"state_digest": "s"}) for index, name in enumerate("ab")
+    ]
+    assert of_table("", ResultTable.of(jobs)).copies == 0
 
 
 @given(st.integers(1, 300), st.data())
@@ -128,5 +152,5 @@ def test_rooms_are_counted_by_name() -> None:
 
 
 def test_no_jobs_no_rate() -> None:
-    assert of_outcomes("", []).rate is None
+    assert of_outcomes("", [], []).rate is None
     assert {of_table("", ResultTable.of([]), errors_fail=each).rate for each in (True, False)} == {None}

@@ -18,7 +18,14 @@ from prefect_robomaker.schemas.wire.errors import (
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.inspection.run_records import write_record
 from prefect_robomaker.tasks.operations.registry import call
-from prefect_robomaker.tasks.service.references import find_by_id, find_job, find_only_world, find_world, name_of_world
+from prefect_robomaker.tasks.service import references
+from prefect_robomaker.tasks.service.references import (
+    find_by_id,
+    find_job,
+    find_only_world,
+    find_world,
+    name_of_world,
+)
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.stored_jobs import store_job
 
@@ -90,6 +97,39 @@ def test_a_world_that_is_not_there_is_told_with_what_is_near(service: Service, k
         find_world(service.arn("world", "generation-1/world-1"), service)
     with pytest.raises(InvalidParameterException, match="it has to name a world"):
         find_world(service.arn("simulation-job", "sim-1"), service)
+
+
+def test_a_misspelt_name_is_told_also_behind_hundreds_of_generated_worlds(
+    service: Service, keep: Callable[..., Resource], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(references, "_LOOKED_AT", 3)
+    keep("import-82856b0yq33y", "a", name="Küche", own=True)
+    for number in range(4):
+        keep(f"generation-82856b0yq33y/world-{number}", f"{number}")
+
+    for look in (find_world, find_only_world):
+        with pytest.raises(ConfigurationError, match=r"'Kuche' is neither .*; did you mean 'Küche'\?"):
+            look("Kuche", service)
+
+
+def test_a_misspelt_id_of_a_job_is_told_with_what_is_near(service: Service) -> None:
+    own = "generation-82856b0yq33y"
+    service.catalog.create(
+        Resource.new(
+            arn=service.arn("world-generation-job", own), kind="world-generation-job", id=own, status="Failed"
+        ),
+        token=None,
+    )
+    with pytest.raises(ConfigurationError, match=f"; did you mean '{own}'"):
+        find_by_id("generation-82856b0yq33x", ("world-generation-job",), service)
+
+
+def test_a_world_given_for_its_generation_job_is_told_with_its_job(
+    service: Service, keep: Callable[..., Resource]
+) -> None:
+    keep("generation-82856b0yq33y/world-1", "c1")
+    with pytest.raises(ConfigurationError, match=r"'flat 1' is neither .*; it is a world of generation-82856b0yq33y"):
+        find_by_id("flat 1", ("world-generation-job",), service)
 
 
 def test_a_name_of_several_worlds_is_refused_unless_they_are_the_same(

@@ -9,13 +9,21 @@ import pytest
 from helpers.roles import roles_file
 from helpers.swing_fixtures import ROLE, upload_swinger
 
-from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobBatchDocument, SimulationJobDocument
+from prefect_robomaker.schemas.documents.simulation_jobs import (
+    MadeOf,
+    SimulationJobBatchDocument,
+    SimulationJobDocument,
+)
+from prefect_robomaker.schemas.operations.registry import parse_request
+from prefect_robomaker.schemas.operations.simulation_jobs import CreateSimulationJobRequest
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.jobs.batch_runs import BatchRun
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.operations.simulation_job_batches import perform_simulation_job_batch
 from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.simulations.planning.job_contents import CurrentApplications, contents_of_request
+from prefect_robomaker.tasks.simulations.stored_jobs import find_results, job_document
 from prefect_robomaker.tasks.storage import thin, unpublish
 from prefect_robomaker.tasks.storage.roles import open_roles
 
@@ -39,6 +47,11 @@ def document(service: Service, job: dict[str, Any]) -> SimulationJobDocument:
 def order_again(reusing: Service, job: dict[str, Any], **changes: Any) -> dict[str, Any]:
     """Orders what an earlier job was ordered with."""
     return call("CreateSimulationJob", {**document(reusing, job).request, **changes}, reusing)
+
+
+def made_of_now(reusing: Service, job: dict[str, Any]) -> MadeOf:
+    """Contents of an earlier job's applications as they are now."""
+    return contents_of_request(document(reusing, job).request, reusing, CurrentApplications(reusing))
 
 
 def test_a_job_of_the_same_inputs_has_the_same_results_without_running(
@@ -156,6 +169,20 @@ def test_results_without_their_recordings_are_made_again(swing: Simulate, servic
     thin(service.store, place.bucket, place.prefix, lambda name: name == "result.json")
 
     assert order_again(reusing, first)["status"] == "Pending"
+
+
+def test_results_of_which_a_file_is_gone_are_made_again(swing: Simulate, service: Service, reusing: Service) -> None:
+    first = swing(TIME_LIMIT_S="1")
+    place = document(service, first).outputs
+    assert place is not None
+    service.store.delete(place.bucket, f"{place.prefix}/recording.mcap")
+
+    assert order_again(reusing, first)["status"] == "Pending"
+    request = parse_request("CreateSimulationJob", document(reusing, first).request)
+    assert isinstance(request, CreateSimulationJobRequest)
+    found = find_results(job_document(request, reusing), made_of_now(reusing, first), reusing)
+    id_ = stored(service, first).id
+    assert found.why_not == f"{id_} has outputs of which recording.mcap is gone from the object store"
 
 
 @pytest.mark.parametrize(

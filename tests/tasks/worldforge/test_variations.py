@@ -8,7 +8,7 @@ from helpers.small_flat import BODY
 
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
-from prefect_robomaker.schemas.worlds.world import World
+from prefect_robomaker.schemas.worlds.world import PassageKind, World
 from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world, write_bundle
 from prefect_robomaker.tasks.worldforge.furniture.catalogue import styles_of
 from prefect_robomaker.tasks.worldforge.generator import Move, Wanted, generate_world, vary
@@ -33,6 +33,20 @@ def differing(one: World, other: World) -> set[str]:
 def told(world: World) -> list[tuple[str, str, str, str]]:
     assert world.variation is not None
     return [(each.what, each.thing, each.before, each.after) for each in world.variation.changes]
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("Doorway", "its doorway has none; doorways of"),
+        ("Opening", "an opening joins its rooms, which has"),
+    ],
+)
+def test_a_passage_without_a_door_is_told(world: World, kind: PassageKind, words: str) -> None:
+    passages = [each.model_copy(update={"door": None, "kind": kind}) for each in world.floorplan.passages]
+    without = world.model_copy(update={"floorplan": world.floorplan.model_copy(update={"passages": passages})})
+    with pytest.raises(ConfigurationError, match=f"no door 'bedroom/living room'; {words}"):
+        vary(without, Wanted(doors={"bedroom/living room": 0.0}), "c0ffee")
 
 
 def test_a_shut_door_is_the_only_difference(world: World) -> None:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -9,7 +10,7 @@ from helpers.small_flat import BODY
 
 from prefect_robomaker.schemas.documents.worlds import WorldDocument
 from prefect_robomaker.tasks.operations.registry import call, registry
-from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.service.service import Progress, Service
 from prefect_robomaker.tasks.worlds import generation
 from prefect_robomaker.tasks.worlds.builders import WorldBuilders
 
@@ -70,6 +71,17 @@ def test_worlds_of_a_seed_are_found_again(
     third = again(3, seed=7)
     assert len(built) == 3, "only the one that is new"
     assert bundles(service, third)[:2] == bundles(service, first)
+
+
+def test_worlds_that_are_taken_over_are_counted_as_such(service: Service, template: str, generate: Generate) -> None:
+    generate(floorplans=1)
+    told: list[Progress] = []
+    reusing = service.ordered_by("night-2", reuse=True)
+    count = {"floorplanCount": 1, "interiorCountPerFloorplan": 1}
+    job = call("CreateWorldGenerationJob", {"template": template, "worldCount": count, "seed": 7}, reusing)
+    registry()["CreateWorldGenerationJob"].perform(job["arn"], replace(service, report_progress=told.append))
+    counts = {state: number for state, number in told[-1].counts.items() if number}
+    assert (counts, told[-1].total) == ({"taken over": 1}, 1)
 
 
 @pytest.mark.deep

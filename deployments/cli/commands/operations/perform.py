@@ -62,7 +62,7 @@ def _finish(arguments: argparse.Namespace) -> int:
     from .....schemas.settings import Settings
     from .....tasks.nights.broken_off import broken_off
     from .....tasks.nights.open_runs import OpenRun
-    from ...pipelines import carry_out
+    from ...specification_run import carry_out
 
     settings = Settings.from_environment(os.environ)
     folder = settings.home / "runs" / arguments.arn

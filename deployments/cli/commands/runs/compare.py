@@ -145,7 +145,7 @@ def _compare_cells(arguments: argparse.Namespace, runs: Path, page: Path | None)
 
     record = read_record(path)
     axis, other = _cell(arguments.axis, record)
-    results = axis_results(NightRun.of(record), digests_of(record.jobs, open_service()))
+    results = axis_results(NightRun.of(record), digests_of(record.jobs, open_service()), between_worlds=True)
     found = next((each for each in results if (each.step, each.axis) == (axis.step, axis.name)), None)
     arms = {each.value: each for each in found.comparisons} if found else {}
     sides = Sides.of_cells(record, axis, 0, other)

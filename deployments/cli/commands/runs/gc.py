@@ -1,7 +1,8 @@
 """Remove old runs, their outputs and jobs, and worlds that nothing needs.
 
 What no rule keeps goes: what is old enough, is not among the newest of its specification, and did not fail where
-failures are kept. What runs, and what a kept report names, always stays. It is shown first, and asked about.
+failures are kept. What runs, and what a kept report or a deployed specification names, always stays. It is shown first,
+and asked about.
 """
 
 import argparse
@@ -37,12 +38,13 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--orphaned-worlds",
         action="store_true",
-        help="also generated worlds and variations that no run and no job names; imported ones stay",
+        help="also generated worlds and variations that no run, no job and no deployed specification names; imported "
+        "ones stay",
     )
     parser.add_argument(
         "--imported-worlds",
         action="store_true",
-        help="also worlds of `world import` that no run and no job names; deployed specifications may name them",
+        help="also worlds of `world import` that no run, no job and no deployed specification names",
     )
     parser.add_argument(
         "--orphaned-recordings", action="store_true", help="also recordings stored by `judge` that nothing names"
@@ -110,10 +112,11 @@ def _policy(arguments: argparse.Namespace) -> "RetentionPolicy":
 def _collected(policy: "RetentionPolicy", settings: "Settings", *, act: bool) -> "GcReport":
     from .....tasks.retention.collection import collect, plan_collection
     from .....tasks.service.service import Service
+    from ....deploying.stored_deployments import stored_deployments
     from ....flow_run_history import collect_flow_runs
 
     with Service.opened(settings) as service:
-        report = (collect if act else plan_collection)(policy, service)
+        report = (collect if act else plan_collection)(policy, service, stored_deployments(settings))
         flow_runs = collect_flow_runs(settings, policy, service.clock(), act=act)
         notes = [*report.notes, *_left_behind(settings, service, act=act), *_kept_outputs(service)]
         return report.model_copy(update={"flow_runs": flow_runs, "notes": notes})

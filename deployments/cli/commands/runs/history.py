@@ -96,7 +96,7 @@ def _list(arguments: argparse.Namespace, runs: Path) -> int:
             raise ConfigurationError(f"{option} is for the page of one specification; name that")
 
     from .....tasks.comparison.compared_runs import NightRun
-    from .....tasks.comparison.history import history_of
+    from .....tasks.comparison.history import newest_night
     from .....tasks.inspection.run_records import find_records, names_of_specifications
     from ...output.comparison import newest_lines
 
@@ -106,7 +106,7 @@ def _list(arguments: argparse.Namespace, runs: Path) -> int:
         for problem in found.unreadable:
             sys.stderr.write(f"robomaker: left out: {problem}\n")
         if found.records:
-            newest[name] = history_of(name, [NightRun.of(found.records[-1])]).nights[-1]
+            newest[name] = newest_night(NightRun.of(found.records[-1]))
     listed = [{"name": name, **night.model_dump(mode="json", by_alias=True)} for name, night in newest.items()]
     nothing = f"there are no runs in {runs} yet; `robomaker run SPEC` makes one"
     print_either(arguments.output, {"schema_version": 1, "specifications": listed}, newest_lines(newest) or [nothing])

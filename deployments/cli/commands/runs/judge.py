@@ -47,7 +47,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from .....tasks.service.references import find_world
     from .....tasks.service.service import Service
     from ...inputs.specifications import read_text
-    from ...pipelines import carry_out
+    from ...specification_run import carry_out
 
     report = output_file(arguments.report, "--report")
     name = _name(arguments)

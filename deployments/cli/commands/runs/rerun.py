@@ -48,7 +48,7 @@ def execute(arguments: argparse.Namespace) -> int:
     It is 0, and nothing is run, if no job of the run was selected.
     """
     from .....schemas.specs.check import load_spec
-    from ...pipelines import carry_out, settings_of
+    from ...specification_run import carry_out, settings_of
 
     report = output_file(arguments.report, "--report")
     settings = settings_of(arguments)

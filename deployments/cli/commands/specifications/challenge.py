@@ -56,7 +56,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from .....schemas.specs.sabotages import BUILT_IN, distinct
     from .....tasks.nights.wanted_runs import WantedRun
     from ...inputs.specifications import given_parameters, read_spec
-    from ...pipelines import carry_out, settings_of
+    from ...specification_run import carry_out, settings_of
 
     if arguments.jobs < 1:
         raise ConfigurationError(f"--jobs is {arguments.jobs}; a number from 1 would be right")

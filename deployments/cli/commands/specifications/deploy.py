@@ -24,6 +24,11 @@ if TYPE_CHECKING:
     from ....deploying.deployables import Deployable
     from ....deploying.registration import Registered
 
+_OF_CATALOG = ("ROBOMAKER_CATALOG_URL", "ROBOMAKER_HOME", "robomaker-catalog")
+"""Variables and kind of block that give the runs another catalog."""
+_OF_STORE = ("ROBOMAKER_OBJECT_STORE", "ROBOMAKER_HOME", "robomaker-object-store")
+"""Variables and kind of block that give the runs another object store."""
+
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `robomaker deploy` to its parser."""
@@ -80,16 +85,16 @@ def execute(arguments: argparse.Namespace) -> int:
         block_of_word(word)
     schedule = _schedule(arguments)
     settings = Settings.from_environment(os.environ)
-    for warning in _warnings(specs, settings):
+    for warning in [
+        *([] if _has_own(_OF_STORE, arguments) else _without_objects(specs, arguments, settings)),
+        *([] if _has_own(_OF_CATALOG, arguments) else _missing(specs, arguments)),
+    ]:
         sys.stderr.write(f"robomaker: {warning}\n")
     is_local = uses_local_server(settings)
     api_url = use_server(settings)
 
-    from prefect.context import refresh_global_settings_context
-
     from ....deploying.registration import NoSuchPoolError, Target, close_dead_runs, register
 
-    refresh_global_settings_context()  # reading the schedule took Prefect, which does not know the server yet
     target = Target(
         pool=arguments.pool,
         schedule=schedule,
@@ -146,7 +151,7 @@ def _schedule(arguments: argparse.Namespace) -> "CronSchedule | None":
 
 
 def _read(paths: Sequence[str], given: Mapping[str, Any]) -> "list[CheckedSpec]":
-    """Reads and checks all specification files.
+    """Reads and checks all specification files; worlds and applications may be made between now and a run.
 
     Raises:
         SpecError: With the problems of all files.
@@ -157,7 +162,7 @@ def _read(paths: Sequence[str], given: Mapping[str, Any]) -> "list[CheckedSpec]"
     problems: list[Problem] = []
     for path in paths:
         try:
-            specs.append(read_spec(path, given, is_complete=False))
+            specs.append(read_spec(path, given, is_complete=False, with_worlds=False))
         except SpecError as error:
             problems += error.problems
     if problems:
@@ -181,23 +186,64 @@ def _named(
     return made
 
 
-def _warnings(specs: "Sequence[CheckedSpec]", settings: "Settings") -> list[str]:
+def _without_objects(specs: "Sequence[CheckedSpec]", arguments: argparse.Namespace, settings: "Settings") -> list[str]:
     """Warns about objects that the specifications name and that are missing in this machine's object store.
 
     The list is empty if none is missing; if the store does not answer, it has a warning about that.
     """
     from .....schemas.wire.errors import StorageError
+    from .....tasks.inspection.pipeline_parts import refusal_in_words
+    from .....tasks.inspection.preflight import missing_objects
     from .....tasks.storage import open_store
-    from ....deploying.deployables import missing_objects, needs_of
+    from ....deploying.deployables import needs_of
 
-    needs = [need for spec in specs for need in needs_of(spec)]
-    if not any(need.uri.startswith("s3://") for need in needs):
+    named = [spec for spec in specs if any(need.uri.startswith("s3://") for need in needs_of(spec))]
+    if not named:
         return []
     try:
-        missing = missing_objects(needs, open_store(settings, os.environ))
+        store = open_store(settings, os.environ)
+        missing = [SpecError(found) for spec in named if (found := missing_objects(spec, store))]
     except StorageError as error:
         return [f"warning: it cannot be told whether the object store has what the steps name: {error}"]
-    return [f"warning: {settings.object_store} has no {need.sentence}; runs need it there" for need in missing]
+    run = _next_run(arguments)
+    return [f"warning: {refusal_in_words(error)}; {run} would be refused" for error in missing]
+
+
+def _next_run(arguments: argparse.Namespace) -> str:
+    return "its next run" if arguments.schedule else "a run"
+
+
+def _has_own(names: Sequence[str], arguments: argparse.Namespace) -> bool:
+    """Returns whether the runs are given a variable or a block that has one of the names."""
+    given = [*(word.partition("=")[0] for word in arguments.env), *(word.partition("/")[0] for word in arguments.block)]
+    return any(name in names for name in given)
+
+
+def _missing(specs: "Sequence[CheckedSpec]", arguments: argparse.Namespace) -> list[str]:
+    """Warns about applications and worlds that the specifications name and that are not in the catalog.
+
+    The list is empty if none is missing; if the catalog does not answer, it has a warning about that.
+    """
+    from .....schemas.wire.errors import RobomakerError
+    from .....tasks.inspection.pipeline_parts import refusal_in_words
+    from .....tasks.inspection.preflight import names_any, with_all_found
+    from ...inputs.options import open_service
+
+    named = [spec for spec in specs if names_any(spec)]
+    if not named:
+        return []
+    warnings: list[str] = []
+    run = _next_run(arguments)
+    try:
+        service = open_service()
+        for spec in named:
+            try:
+                with_all_found(spec, service)
+            except SpecError as error:
+                warnings.append(f"warning: {refusal_in_words(error)}; {run} would be refused")
+    except RobomakerError as error:
+        return [*warnings, f"warning: it cannot be told whether the catalog has what the jobs name: {error}"]
+    return warnings
 
 
 def _lines(registered: "Sequence[Registered]") -> list[str]:

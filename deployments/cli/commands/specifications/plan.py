@@ -16,6 +16,7 @@ import os
 import shlex
 from collections.abc import Iterator
 from dataclasses import asdict
+from functools import partial
 from typing import TYPE_CHECKING, Literal
 
 from .....schemas.wire.errors import ConfigurationError
@@ -24,12 +25,15 @@ from ...inputs.options import open_service, percentage
 from ...output.answers import in_columns, print_either, print_notes
 
 if TYPE_CHECKING:
-    from .....schemas.reports.comparison import PlannedPairs
+    from .....schemas.reports.comparison import AxisPairs, PlannedPairs
     from .....schemas.reports.forecast import Forecast
     from .....schemas.specs.specification import CheckedSpec
     from .....tasks.comparison.detection import Question
     from .....tasks.inspection.reuse_plans import PlannedPart
     from ...planning import PlannedStep
+
+    NeededTrials = tuple[PlannedPairs, list[str]]
+    """Trials that answer a question, and the ways to get them."""
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -68,7 +72,7 @@ def execute(arguments: argparse.Namespace) -> int:
     With `--probe` one job of each step is run, to forecast time, disk space and cost.
     """
     from ...inputs.specifications import given_parameters, read_spec
-    from ...planning import planned
+    from ...planning import pairs_of_axes, planned
 
     _check(arguments)
     asked = _questions(arguments)
@@ -80,8 +84,11 @@ def execute(arguments: argparse.Namespace) -> int:
     needed = _needed(spec, steps, asked, forecast) if asked else []
     document = _document(spec, steps, parts, forecast)
     if needed:
-        document["needed"] = [each.model_dump(mode="json", exclude_none=True) for each in needed]
-    print_either(arguments.output, document, _lines(arguments, spec, steps, parts, forecast, needed))
+        document["needed"] = [each.model_dump(mode="json", exclude_none=True) for each, _ in needed]
+    axes = pairs_of_axes(spec, steps) if arguments.detect else []
+    if axes:
+        document["axes"] = [each.model_dump(mode="json") for each in axes]
+    print_either(arguments.output, document, _lines(arguments, spec, steps, parts, forecast, needed, axes))
     return 0
 
 
@@ -119,21 +126,30 @@ def _questions(arguments: argparse.Namespace) -> "list[Question]":
 
 def _needed(
     spec: "CheckedSpec", steps: "list[PlannedStep]", asked: "list[Question]", forecast: "Forecast | None"
-) -> "list[PlannedPairs]":
-    """Plans the number of trials that answers each question, by earlier runs, and with times if a forecast is given."""
+) -> "list[NeededTrials]":
+    """Plans the number of trials that answers each question, by earlier runs, and with times if a forecast is given.
+
+    With each come the numbers of the specification that would give a run so many.
+    """
     from .....schemas.settings import Settings
     from .....tasks.comparison.compared_runs import NightRun
     from .....tasks.comparison.detection import liveliest_pairs, plan_pairs
     from .....tasks.inspection.run_records import find_records
-    from ...planning import planned_trials_of, with_time
+    from ...planning import planned_trials_of, ways_to_more, with_time
 
-    records = find_records(Settings.from_environment(os.environ).home / "runs", spec.name).records
+    settings = Settings.from_environment(os.environ)
+    records = find_records(settings.home / "runs", spec.name).records
     earlier = liveliest_pairs([NightRun.of(each) for each in records], asked[0].alpha)
     planned = planned_trials_of(spec, steps)
-    found = [plan_pairs(each, planned, earlier) for each in asked]
-    if forecast is None or planned is None:
-        return found
-    return [with_time(each, forecast, planned.trials) for each in found]
+    found: list[NeededTrials] = []
+    for question in asked:
+        needed, ways = plan_pairs(question, planned, earlier), list[str]()
+        if planned is not None:
+            again = partial(plan_pairs, question, earlier=earlier)
+            ways = ways_to_more(spec, planned, needed, again, settings.max_worlds_per_job)
+            needed = needed if forecast is None else with_time(needed, forecast, planned.trials)
+        found.append((needed, ways))
+    return found
 
 
 def _check(arguments: argparse.Namespace) -> None:
@@ -165,11 +181,12 @@ def _lines(
     steps: "list[PlannedStep]",
     parts: "dict[str, list[PlannedPart]]",
     forecast: "Forecast | None",
-    needed: "list[PlannedPairs]",
+    needed: "list[NeededTrials]",
+    axes: "list[AxisPairs]",
 ) -> Iterator[str]:
     from .....schemas.specs.parameter_values import set_options
     from .....schemas.wire.common import counted
-    from ...output.forecast import forecast_lines, needed_lines, reuse_lines, reuse_total
+    from ...output.forecast import axis_lines, forecast_lines, needed_lines, reuse_lines, reuse_total
     from ...planning import after, sum_in_words
 
     yield f"{spec.name}: {counted(len(steps), 'step')}, one after the other\n"
@@ -183,8 +200,10 @@ def _lines(
         yield f"\n{reuse_total(parts)}"
     if forecast is not None:
         yield "\n" + "\n".join(forecast_lines(forecast))
-    for each in needed:
-        yield "\n" + "\n".join(needed_lines(each))
+    for each, ways in needed:
+        yield "\n" + "\n".join(needed_lines(each, ways))
+    if axes:
+        yield "\n" + "\n".join(axis_lines(axes))
     command = ["robomaker", "run", arguments.spec, *set_options(spec.parameters)]
     command += [*(["--reuse"] if arguments.reuse else []), *given_options(arguments, "backend")]
     yield f"\n{shlex.join(command)}"
@@ -195,22 +214,22 @@ def _forecast(spec: "CheckedSpec", arguments: argparse.Namespace) -> "Forecast":
 
     Raises an error if the machines or the specification do not allow that.
     """
+    from .....schemas.reports.progress import Note
     from .....schemas.specs.probe_requests import check_probed
     from ...output.progress import watcher
-    from ...pipelines import settings_of
-    from ...prefect_server import use_server
-    from ...probes import Machines
+    from ...prefect_server import use_server, wait_for_server_once
+    from ...probes import Machines, probe
     from ...signals import interrupted_by_signals
+    from ...specification_run import settings_of
 
     settings = settings_of(arguments)
     machines = Machines(1 if arguments.machines is None else arguments.machines, arguments.price_per_hour)
     machines.check(settings)
     check_probed(spec)
-    use_server(settings, for_runs=True)
+    api_url = use_server(settings, for_runs=True)
     steps = [(name, spec.steps[name].operation) for name in spec.order]
     with interrupted_by_signals(), watcher(steps, os.environ) as listener:
-        from ...probes import probe
-
+        wait_for_server_once(api_url, settings, lambda text: listener(Note(text)))
         return probe(spec, settings, machines, listener, arguments.spec)
 
 

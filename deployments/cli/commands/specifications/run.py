@@ -58,7 +58,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker run`: runs a specification to its end and prints a summary; the exit code says how it ended."""
     from .....tasks.nights.wanted_runs import WantedRun
-    from ...pipelines import carry_out, settings_of
+    from ...specification_run import carry_out, settings_of
 
     spec = _chosen(arguments)
     settings = settings_of(arguments)

@@ -7,6 +7,7 @@ import sys
 from functools import cached_property
 from pathlib import Path
 
+from .....schemas.runs.plan import why_a_world
 from .....schemas.runs.variables import TIME_LIMIT_VARIABLE, number_in
 from .....schemas.wire.errors import LaunchError
 from .....schemas.worlds.world import World
@@ -106,10 +107,7 @@ def make_environment(context: SimulationContext) -> IndoorNavigation:
             no such robot.
     """
     if context.world is None or context.world_dir is None:
-        raise LaunchError(
-            "indoor-navigation drives through a world and the job names none; "
-            'name one in the simulation application: worldConfigs: [{"world": "<ARN of a world>"}]'
-        )
+        raise LaunchError(why_a_world("indoor-navigation") or "")
     plan = context.plan
     is_container = any(program.role == "robot" and program.image_id is not None for program in plan.programs)
     found = find_robot(plan.robot_application, {**os.environ, **context.environment}, is_container=is_container)

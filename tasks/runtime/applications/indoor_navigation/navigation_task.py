@@ -39,6 +39,7 @@ from ...robots.robot import CONTROL_TIMESTEP_S, Action, Lidar, Robot
 from . import lidar
 from .mission import CollisionMonitor, Mission
 from .scene_markers import ContactMarkers
+from .standstill import Standstill
 from .telemetry import RobotState, Telemetry
 from .world_with_robot import ScenePhysics
 
@@ -115,6 +116,7 @@ class NavigationTask(Task):
             self._controller = DelayedController(self._controller, self.command_delay.delay_s)
         physics.between_substeps = self._between_substeps()
         self.mission = Mission(self._world.floorplan.rooms, self.time_limit_s)
+        self._standstill = Standstill(self._robot, physics.model.ptr, physics.data.ptr)
         self._steps = 0
         self._still_s = 0.0
         self._ever_moved = False
@@ -138,6 +140,7 @@ class NavigationTask(Task):
         """
         del physics
         standing = self._controller.command(action)
+        self._standstill.command(action)
         self._ever_moved |= not standing
         self._still_s = self._still_s + CONTROL_TIMESTEP_S if standing else 0.0
 
@@ -231,6 +234,7 @@ class NavigationTask(Task):
         return {
             "own": {name: getattr(self, name) for name in (*_KEPT, *_KEPT_RANGES) if hasattr(self, name)},
             "mission": self.mission.state(),
+            "standstill": self._standstill.state(),
             "monitor": self._monitor.state(),
             "controller": self._controller.state(),
             "telemetry": self._telemetry.state(),
@@ -248,6 +252,8 @@ class NavigationTask(Task):
             setattr(self, name, value)
         self.mission.restore(state["mission"])
         self._monitor.restore(state["monitor"])
+        if "standstill" in state:  # checkpoints of an earlier release have none
+            self._standstill.restore(state["standstill"])
         self._controller.restore(state["controller"])
         self._telemetry.restore(state["telemetry"])
         self._chance.bit_generator.state, late = state["late"]
@@ -258,10 +264,11 @@ class NavigationTask(Task):
         self._pose = self._drift.told(self._state.x, self._state.y, self._state.yaw)
 
     def report(self) -> EnvironmentReport:
-        """Ends open collisions, and returns the verdict and metrics of the run so far."""
+        """Ends open collisions, and returns the verdict, metrics and notes of the run so far."""
         collisions = self._monitor.finish()
         monitor = self._monitor
-        return self.mission.report(collisions, monitor.count, monitor.max_force_N, can_touch=monitor.can_touch)
+        report = self.mission.report(collisions, monitor.count, monitor.max_force_N, can_touch=monitor.can_touch)
+        return report.model_copy(update={"notes": [*self._robot.warnings, *self._standstill.notes()]})
 
     # -- Inside -----------------------------------------------------------------
 
@@ -324,6 +331,7 @@ class NavigationTask(Task):
         self._state, tilt_rad = self._read_state()
         self._pose = self._drift.told(self._state.x, self._state.y, self._state.yaw)
         self._newly_visited = self.mission.update(self._state, tilt_rad)
+        self._standstill.look(self._state)
         if self._newly_visited:
             self._visited = np.array([time_s is not None for time_s in self.mission.first_visit_s])
             self._visited.setflags(write=False)

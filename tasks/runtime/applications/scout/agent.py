@@ -10,6 +10,7 @@ import dm_env
 import numpy as np
 from numpy.typing import NDArray
 
+from .....schemas.runs.plan import why_a_world
 from .....schemas.wire.errors import LaunchError
 from .....schemas.worlds.world import Point
 from ...episode.context import KeepsAttributes, SimulationContext
@@ -249,6 +250,11 @@ class Scout(KeepsAttributes):
             self._look((x, y, yaw), observation, now_s)
         return np.array(self._decide((x, y, yaw), speed, now_s))
 
+    def run_notes(self) -> list[str]:
+        """Returns a note about the rooms that the robot gave up."""
+        rooms = ", ".join(self.given_up)
+        return [f"scout gave up on {rooms}: no way there that the robot could drive"] if rooms else []
+
     def _decide(self, pose: Pose, speed: float, now_s: float) -> tuple[float, float]:
         if now_s < self._backing_until_s:
             self._anchor = _Anchor(now_s, pose)
@@ -365,10 +371,7 @@ def make_agent(context: SimulationContext, environment: dm_env.Environment) -> S
         LaunchError: There is no world or its map cannot be read, or the environment is of another kind.
     """
     if context.world is None or context.world_dir is None:
-        raise LaunchError(
-            "scout plans on the map of a world and the job names none; "
-            'name one in the simulation application: worldConfigs: [{"world": "<ARN of a world>"}]'
-        )
+        raise LaunchError(why_a_world("scout") or "")
     given: Any = environment.observation_spec()
     missing = {"time", "pose", "velocity", "scan", "proximity", "scan_time"} - set(given)
     if missing:

@@ -17,7 +17,7 @@ from .drive import make_drive, planar_joints
 from .mapping import alternatives, invalid
 from .model import FOLLOW_CAMERA, FOOTPRINT, FREE_JOINT, ModelBuilder, RobotFiles
 from .shape import RobotLidar, RobotModel
-from .size_checks import check_shapes, check_sizes, warn_of_overhang
+from .size_checks import check_shapes, check_sizes, overhang
 
 _logger = logging.getLogger(__name__)
 
@@ -55,7 +55,11 @@ def make_robot(mapping: RobotModel, files: RobotFiles, default_name: str) -> Rob
         data = _standing(model, mapping, home)
     limits = _limits(mapping)
     check_sizes(mapping, model, data, builder, files)
-    warn_of_overhang(mapping, model, data, files.mapping.name)
+    where = files.mapping.name
+    warnings = overhang(mapping, model, data, where)
+    drive = make_drive(mapping, limits, model, data, where, warnings.append)
+    for text in warnings:
+        _logger.warning("%s", text)
     return Robot(
         name=mapping.name or default_name,
         build=builder.build,
@@ -64,15 +68,16 @@ def make_robot(mapping: RobotModel, files: RobotFiles, default_name: str) -> Rob
         free_joint=None if planar else FREE_JOINT,
         planar_joints=planar,
         limits=limits,
-        drive=make_drive(mapping, limits, model, data, files.mapping.name),
-        joints=_joints(mapping, model, files.mapping.name),
+        drive=drive,
+        joints=_joints(mapping, model, where),
         spawn_height_m=mapping.spawn.height_m,
         home=home,
-        lidar=_lidar(mapping, model, data, files.mapping.name),
+        lidar=_lidar(mapping, model, data, where),
         proximity_height_m=mapping.sensors.bumper_height_m,
-        sensors=[_sensor(each, model, files.mapping.name) for each in mapping.sensors.of_kinds()],
-        video_camera=_video_camera(mapping, model, files.mapping.name),
-        ros=_ros(mapping, files.mapping.name),
+        sensors=[_sensor(each, model, where) for each in mapping.sensors.of_kinds()],
+        video_camera=_video_camera(mapping, model, where),
+        ros=_ros(mapping, where),
+        warnings=tuple(warnings),
     )
 
 
@@ -149,7 +154,7 @@ def _lidar_height_m(lidar: RobotLidar, model: mujoco.MjModel, data: mujoco.MjDat
     places = {model.body(index).name: data.xpos[index] for index in range(1, model.nbody)}
     places |= {model.site(index).name: data.site_xpos[index] for index in range(model.nsite)}
     if lidar.at not in places:
-        hint = alternatives(lidar.at, places, "bodies and sites")
+        hint = alternatives(lidar.at, places, "bodies and sites", "sensors.lidar.at")
         raise invalid(where, f"sensors.lidar.at: there is no site or body {lidar.at!r}; {hint}")
     x, y, z = (float(value) for value in places[lidar.at])
     if math.hypot(x, y) > _OFF_MIDDLE_M:

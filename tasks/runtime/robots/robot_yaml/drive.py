@@ -3,7 +3,7 @@
 # MuJoCo has no type stubs.
 # pyright: reportAttributeAccessIssue=false
 
-import logging
+from collections.abc import Callable
 
 import mujoco
 import numpy as np
@@ -13,18 +13,23 @@ from ..robot import Drive, Limits
 from .mapping import alternatives, invalid
 from .shape import DifferentialDriveModel, RobotModel, VelocityDriveModel
 
-_logger = logging.getLogger(__name__)
-
 _ACROSS = 0.95
 """Minimum cosine of the angle between a wheel's axis and the robot's y axis."""
 
 _DEVIATION = 0.15
-"""Relative deviation between `robot.yaml` and model from which a warning is logged."""
+"""Relative deviation between `robot.yaml` and model from which there is a warning."""
 
 _JOINT = mujoco.mjtTrn.mjTRN_JOINT
 
 
-def make_drive(mapping: RobotModel, limits: Limits, model: mujoco.MjModel, data: mujoco.MjData, where: str) -> Drive:
+def make_drive(
+    mapping: RobotModel,
+    limits: Limits,
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    where: str,
+    warn: Callable[[str], None],
+) -> Drive:
     """Makes the drive that a `robot.yaml` describes.
 
     Args:
@@ -33,13 +38,14 @@ def make_drive(mapping: RobotModel, limits: Limits, model: mujoco.MjModel, data:
         model: Compiled robot without a world.
         data: State in which the robot stands at the origin and faces along the x axis.
         where: Name of the `robot.yaml` file, for messages.
+        warn: Called with each sentence about measures that the model contradicts.
 
     Raises:
         LaunchError: A name is not in the model, or is no velocity actuator, or a wheel is no wheel.
     """
     drive = mapping.drive
     if drive.kind == "differential":
-        return _differential(drive, limits, _Actuators(model, where), data)
+        return _differential(drive, limits, _Actuators(model, where), data, warn)
     if drive.kind == "velocity":
         return _planar(drive, limits, _Actuators(model, where))
     names = tuple(model.actuator(index).name for index in range(model.nu))
@@ -74,7 +80,11 @@ def planar_joints(mapping: RobotModel, model: mujoco.MjModel, where: str) -> tup
 
 
 def _differential(
-    drive: DifferentialDriveModel, limits: Limits, actuators: "_Actuators", data: mujoco.MjData
+    drive: DifferentialDriveModel,
+    limits: Limits,
+    actuators: "_Actuators",
+    data: mujoco.MjData,
+    warn: Callable[[str], None],
 ) -> DifferentialDrive:
     model, sides, factors, places = actuators.model, [], [], []
     for field, names, side in (("left", drive.left, 1), ("right", drive.right, -1)):
@@ -99,9 +109,13 @@ def _differential(
         sides.append(tuple(model.actuator(actuator).name for actuator in found))
         factors.append(tuple(wheels))
     track_m = 2 * float(np.mean(np.abs([place[1] for place in places])))
-    _warn_if_off("track_width_m", drive.track_width_m, track_m, "apart the wheels are", actuators.where)
+    if _is_off(drive.track_width_m, track_m):
+        found = f"in the model the wheels are {track_m:.3f} m apart"
+        warn(f"{actuators.where}: drive.track_width_m is {drive.track_width_m:g} m; {found}")
     height_m = float(np.mean([place[2] for place in places]))
-    _warn_if_off("wheel_radius_m", drive.wheel_radius_m, height_m, "over the floor the wheels turn", actuators.where)
+    if _is_off(drive.wheel_radius_m, height_m):
+        found = f"in the model the wheels' axes are {height_m:.3f} m above the floor"
+        warn(f"{actuators.where}: drive.wheel_radius_m is {drive.wheel_radius_m:g} m; {found}")
     return DifferentialDrive(
         limits, sides[0], sides[1], drive.wheel_radius_m, drive.track_width_m, (factors[0], factors[1])
     )
@@ -121,9 +135,8 @@ def _planar(drive: VelocityDriveModel, limits: Limits, actuators: "_Actuators") 
     return PlanarDrive(limits, names[0], names[1], names[2], yaw_joint)
 
 
-def _warn_if_off(field: str, said_m: float, found_m: float, what: str, where: str) -> None:
-    if abs(said_m - found_m) > _DEVIATION * said_m:
-        _logger.warning("%s: drive.%s is %g m; in the model it is %.3f m %s", where, field, said_m, found_m, what)
+def _is_off(said_m: float, found_m: float) -> bool:
+    return abs(said_m - found_m) > _DEVIATION * said_m
 
 
 class _Actuators:

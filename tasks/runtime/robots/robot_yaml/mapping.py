@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Collection, Iterable
-from difflib import get_close_matches
+from difflib import SequenceMatcher, get_close_matches
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -16,6 +16,11 @@ INVALID_ROBOT = "InvalidBundleRobotApplication"
 """Failure code of a job whose robot cannot be made from its files."""
 
 _SHOWN_NAMES = 12
+_COMPARED = 10
+"""Number of similar names among which those with a word of the member are looked for."""
+_AS_LIKE = 0.2
+"""Difference of the likeness, 0 to 1, up to which a name is nearly as like as the most similar one."""
+_WORD = re.compile("[a-z]{3,}")
 
 
 def invalid(where: object, message: str) -> LaunchError:
@@ -23,20 +28,35 @@ def invalid(where: object, message: str) -> LaunchError:
     return LaunchError(f"{where}: {message}", INVALID_ROBOT)
 
 
-def alternatives(name: str, names: Iterable[str], what: str) -> str:
-    """Returns text that suggests the nearest known name instead of an unknown one, or lists known names.
+def alternatives(name: str, names: Iterable[str], what: str, member: str = "") -> str:
+    """Returns text that suggests the nearest known names instead of an unknown one, or lists known names.
+
+    Of similar names the one goes first that has a word of the member, as `lidar_link` has for `sensors.lidar.at`.
 
     Args:
         name: The unknown name.
         names: The known ones; empty ones do not count.
         what: Plural noun for them, such as `bodies`.
+        member: Member of `robot.yaml` that has the unknown name.
     """
     there: Collection[str] = [each for each in names if each]
-    if near := get_close_matches(name, there, n=1):
-        return f"did you mean {near[0]!r}?"
+    if near := _near(name, there, set(_WORD.findall(member))):
+        return f"did you mean {' or '.join(map(repr, near))}?"
     shown = ", ".join(list(there)[:_SHOWN_NAMES])
     more = f" and {len(there) - _SHOWN_NAMES} more" if len(there) > _SHOWN_NAMES else ""
     return f"it has {what} {shown}{more}" if there else f"it has no {what}"
+
+
+def _near(name: str, names: Collection[str], words: set[str]) -> list[str]:
+    """Returns the name that is most like another; first, if there is one, a similar name that has one of some words."""
+    alike = {each: SequenceMatcher(None, name, each).ratio() for each in get_close_matches(name, names, n=_COMPARED)}
+    first = next(iter(alike), None)
+    fits = [
+        each
+        for each in alike
+        if words.intersection(_WORD.findall(each)) and alike[each] > alike[first or ""] - _AS_LIKE
+    ]
+    return list(dict.fromkeys([*fits[:1], *([first] if first else [])]))
 
 
 MAPPING_FILE = "robot.yaml"

@@ -202,7 +202,7 @@ class ModelBuilder:
         """
         by_name = {part.name: part for part in parts if part.name != "world"}
         if name not in by_name:
-            hint = alternatives(name, by_name, what)
+            hint = alternatives(name, by_name, what, field)
             raise invalid(self.where, f"{field}: {self._files.model.name} has no {name!r} among its {what}; {hint}")
         return by_name[name]
 

@@ -3,7 +3,6 @@
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
 
-import logging
 import math
 from itertools import product
 
@@ -14,8 +13,6 @@ from numpy.typing import NDArray
 from .mapping import invalid
 from .model import ModelBuilder, RobotFiles
 from .shape import RobotModel
-
-_logger = logging.getLogger(__name__)
 
 _OVERHANG_M = 0.01
 """Length in metres by which parts may stick out of the footprint before a warning."""
@@ -138,11 +135,10 @@ def check_sizes(
         )
 
 
-def warn_of_overhang(mapping: RobotModel, model: mujoco.MjModel, data: mujoco.MjData, where: str) -> None:
-    """Logs a warning if parts reach beyond the disc of the footprint: planners would drive into obstacles."""
-    reach_m = solid_reach_m(model, data)
-    if reach_m > mapping.footprint.radius_m + _OVERHANG_M:
-        _logger.warning(
-            "%s: footprint.radius_m: parts reach up to %.2f m from the base's origin, the radius is %g m",
-            where, reach_m, mapping.footprint.radius_m,
-        )  # fmt: skip
+def overhang(mapping: RobotModel, model: mujoco.MjModel, data: mujoco.MjData, where: str) -> list[str]:
+    """Returns a warning if parts reach beyond the disc of the footprint: planners would drive into obstacles."""
+    radius_m, reach_m = mapping.footprint.radius_m, solid_reach_m(model, data)
+    if reach_m <= radius_m + _OVERHANG_M:
+        return []
+    said = f"the radius is {radius_m:g} m; parts reach up to {reach_m:.2f} m from the base's origin"
+    return [f"{where}: footprint.radius_m: {said}"]

@@ -94,6 +94,8 @@ def make_camera(context):
 class Timed(Camera):
     """Notes when it is stepped, and with what."""
 
+    time_limit_s = 0.6
+
     def __init__(self):
         self.times, self.actions = [], []
 

@@ -20,6 +20,10 @@ drive:
    max_angular_radps: 1.8}
 colour: red
 """
+SIMULATION = (
+    "[{application: indoor-navigation, launchConfig: {}, worldConfigs: "
+    "[{world: arn:aws:robomaker:us-east-1:000000000000:world/import-1/world-1}]}]"
+)
 SPEC = """\
 version: 1
 name: pointing
@@ -37,12 +41,14 @@ steps:
       maxJobDurationInSeconds: 60
       iamRole: arn:aws:iam::000000000000:role/local
       robotApplications: [{application: rover, launchConfig: {packageName: my_rover, launchFile: make_agent}}]
-      simulationApplications: [{application: indoor-navigation, launchConfig: {}}]
-"""
+      simulationApplications: SIMULATION
+""".replace("SIMULATION", SIMULATION)
 RIGHT = ROBOT.replace("wide", "0.2").replace("colour: red\n", "")
 POLICY = SPEC.replace("packageName: my_rover, launchFile: make_agent", "").replace(
     "iamRole", "policy: my_rover:make_agent\n      iamRole"
 )
+COMMAND = SPEC.replace("packageName: my_rover, launchFile: make_agent", "command: [WORDS]")
+LINKS = '<link name="base"/><link name="base_link"/><link name="lidar_link"/>'
 MODEL = '<robot><joint name="a"/><joint name="b"/></robot>'
 AGENT = "import sys\nraise SystemExit('this was imported')\n\n\ndef make_agent(context, environment): ...\n"
 
@@ -111,6 +117,25 @@ def test_all_that_is_wrong_in_an_archive_is_told_with_both_places(
             "my_rover/robot.yaml:5:44: spawn.joints.arm: the model has no 'arm'; it has joints a, b",
         ),
         (
+            {
+                "__init__.py": AGENT,
+                "robot.yaml": f"{RIGHT}sensors: {{lidar: {{at: laser_link}}, imu: {{at: base}}}}\n",
+                "robot.urdf": MODEL.replace("<robot>", "<robot>" + LINKS),
+            },
+            SPEC,
+            "my_rover/robot.yaml:9:23: sensors.lidar.at: the model has no 'laser_link'; "
+            "did you mean 'lidar_link' or 'base_link'?",
+        ),
+        (
+            {
+                "__init__.py": AGENT,
+                "robot.yaml": f"{RIGHT}sensors: {{cameras: [{{name: eye, at: bas}}]}}\n",
+                "robot.urdf": MODEL.replace("<robot>", "<robot>" + LINKS),
+            },
+            SPEC,
+            "sensors.cameras[0].at: the model has no 'bas'; did you mean 'base'?",
+        ),
+        (
             {"__init__.py": AGENT, "robot.yaml": RIGHT, "robot.urdf": "<mujoco><include file='wheels.xml'/></mujoco>"},
             SPEC,
             None,
@@ -125,6 +150,16 @@ def test_all_that_is_wrong_in_an_archive_is_told_with_both_places(
             "my_rover/robot.yaml:9:55: actuators[1].joint: the model has no 'c'; it has joints a, d",
         ),
         ({"__init__.py": AGENT, "robot.yaml": ROBOT}, SPEC.replace("indoor-navigation", "mine"), None),
+        ({"drive.py": ""}, COMMAND.replace("WORDS", "python3, my_rover/drive.py, out/log.txt, --x=a/b, a.yaml"), None),
+        ({"drive.py": ""}, COMMAND.replace("WORDS", "python3, -c, 'import drive.py'"), None),
+        ({"drive.py": ""}, COMMAND.replace("WORDS", "env, A=1, ros2, launch, nav2, my_rover/bringup_launch.py"), None),
+        ({"drive.py": ""}, COMMAND.replace("WORDS", "sh, other/run.sh"), "the archive has no file 'other/run.sh'"),
+        (
+            {"drive.py": ""},
+            COMMAND.replace("WORDS", "python3, my_rover/drve.py"),
+            "16:82: steps.drive.input.robotApplications[0].launchConfig.command[1]: robot application rover: "
+            "the archive has no file 'my_rover/drve.py'; did you mean 'my_rover/drive.py'?",
+        ),
         ({"__init__.py": AGENT}, POLICY, None),
         (
             {"__init__.py": AGENT},
@@ -190,8 +225,8 @@ def test_an_installed_package_is_read_too(robomaker: Any, tmp_path: Path, monkey
     ("written", "referred"),
     [
         ("{packageName: my_rover, launchFile: make_agent}}]\n      sim", '"${{ item.launch }}"}]\n      sim'),
-        ("launchConfig: {}}]", 'launchConfig: {environmentVariables: "${{ item.variables }}"}}]'),
-        ("[{application: indoor-navigation, launchConfig: {}}]", '"${{ item.simulations }}"'),
+        ("launchConfig: {}, w", 'launchConfig: {environmentVariables: "${{ item.variables }}"}, w'),
+        (SIMULATION, '"${{ item.simulations }}"'),
         ("iamRole: ", 'policy: "${{ item.policy }}"\n      iamRole: '),
     ],
 )
@@ -205,7 +240,7 @@ def test_references_anywhere_in_a_job_are_no_defect(
     job = ("      maxJob" + inside[2]).replace(written, referred)
     value = "".join(f"          {line}\n" for line in job.rstrip("\n").replace("\n      ", "\n").strip().splitlines())
     items = "{launch: {packageName: my_rover, launchFile: make_agent}, variables: {A: b}, policy: 'my_rover:make_agent'"
-    items += ", simulations: [{application: indoor-navigation, launchConfig: {}}]}"
+    items += f", simulations: {SIMULATION}}}"
     batch = (
         "    input:\n      createSimulationJobRequests:\n        forEach: [" + items + "]\n        value:\n"
         + value.replace("iamRole: arn:aws:iam::000000000000:role/local", "seed: 1")
@@ -234,3 +269,51 @@ def test_a_program_that_this_machine_lacks_is_a_note(robomaker: Any, tmp_path: P
     path.write_text(SPEC.replace("launchFile: make_agent", "launchFile: nav.launch.py"))
     ended = robomaker("validate", path)
     assert ended.code == 0, ended.err
+
+
+def test_code_is_looked_at_though_the_specification_has_other_problems(
+    robomaker: Any, tmp_path: Path, pack: Any
+) -> None:
+    pack({"my_rover/__init__.py": AGENT})
+    path = tmp_path / "spec.yaml"
+    text = SPEC
+    for right, wrong in {
+        "InSeconds: 60": "InSeconds: 0",
+        "ion: 1": "ion: 2",
+        "File: make_agent": "File: make_agnt",
+    }.items():
+        text = text.replace(right, wrong)
+    path.write_text(text)
+
+    ended = robomaker("validate", path)
+
+    assert ended.code == 2
+    for told in ("version: is 2", "maxJobDurationInSeconds: is 0", "my_rover has no make_agnt"):
+        assert told in ended.err, ended.err
+    assert "3 problems" in ended.err
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [
+        ("launchFile: make_agent}", "launchFile: [make_agnt]}"),
+        ("launchConfig: {packageName: my_rover, launchFile: make_agent}", "launchConfig: [3]"),
+        ("s3Key: applications/rover.tar.gz", "s3Key: {a: 1}"),
+        ("sources: [{", "sources: [3, {"),
+        ("name: rover", "name: [rover]"),
+        ("robotApplications: [", "robotApplications: [7, "),
+        ("maxJobDurationInSeconds: 60", "policy: {a: 1}"),
+    ],
+)
+def test_of_what_is_wrong_itself_no_code_is_looked_for(
+    robomaker: Any, tmp_path: Path, pack: Any, right: str, wrong: str
+) -> None:
+    pack({"my_rover/__init__.py": AGENT})
+    path = tmp_path / "spec.yaml"
+    assert right in SPEC
+    path.write_text(SPEC.replace(right, wrong))
+
+    ended = robomaker("validate", path)
+
+    assert ended.code == 2, ended.err
+    assert "make_agnt" not in ended.err.replace("is ['make_agnt']", "")

@@ -86,6 +86,6 @@ def test_a_first_run_that_goes_on_is_not_taken_for_a_run_of_a_specification_with
 
 def test_a_name_does_not_mean_the_run_of_a_longer_name(tmp_path: Path) -> None:
     other = record(tmp_path, "night-b-20260304T020000000", "{}")
-    with pytest.raises(ConfigurationError, match=r"there is no run 'night'.*did you mean 'night-b-2026"):
+    with pytest.raises(ConfigurationError, match=r"there is no run 'night'.*did you mean 'night-b' or 'night-b-2026"):
         find_record(tmp_path, "night")
     assert find_record(tmp_path, "night-b-2026") == other

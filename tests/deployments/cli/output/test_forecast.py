@@ -70,7 +70,7 @@ def test_what_does_not_finish_in_time_and_what_the_probe_found_is_said() -> None
         "right",
         "",
         "  ran: 3 jobs: 1 PASS, 1 FAIL, 1 NONE",
-        "    sim-2 FAIL, 1 of 4 trials pass: quick: late",
+        "    sim-2 FAIL, 1 of 4 trials passed: quick: late",
         "    sim-3 NONE",
         "",
     ]

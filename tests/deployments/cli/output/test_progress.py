@@ -109,6 +109,24 @@ def test_trials_are_counted_beside_jobs_and_say_how_long_it_still_takes() -> Non
     assert states.steps["drive"].after_trials_text() == "outputs are stored"
 
 
+def test_the_trials_of_a_single_job_are_all_that_is_counted() -> None:
+    """They run one after the other, so that none of them is told to be running."""
+    stream, terminal, clock = io.StringIO(), Terminal(), Clock()
+    events = [
+        StepStarted("drive", "CreateSimulationJob"),
+        StepProgress("drive", {"running": 1}, 1, trials=TrialCounts(24, 50)),
+    ]
+    with PlainWatcher(STEPS, stream, clock=clock) as plain, LiveWatcher(STEPS, terminal) as live:
+        for event in events:
+            clock.now_s += 2
+            plain(event)
+            live(event)
+
+    assert stream.getvalue().endswith("drive: 24 of 50 trials\n")
+    assert "24 of 50 trials" in terminal.getvalue()
+    assert "running" not in terminal.getvalue()
+
+
 def test_trials_that_are_recorded_again_are_named_and_counted() -> None:
     stream, terminal, states = io.StringIO(), Terminal(), StepStates(STEPS)
     told = TrialCounts(64, 64, 2, 10, "records a video of trial 3 of job sim-1")
@@ -184,6 +202,15 @@ def test_events_may_come_from_many_threads() -> None:
     assert all(line.startswith("[") for line in lines)
 
 
+def test_a_world_that_is_taken_over_is_no_new_one() -> None:
+    terminal = Terminal()
+    with LiveWatcher(STEPS, terminal) as live:
+        live(StepStarted("worlds", "CreateWorldGenerationJob"))
+        live(StepProgress("worlds", {"taken over": 1, "succeeded": 0}, 1))
+        live(StepEnded("worlds", "Completed", 0.2, "arn:aws:robomaker:eu:1:world-generation-job/generation-1"))
+    assert "1 taken over  world-generation-job/generation-1" in terminal.getvalue()
+
+
 def test_pace_is_told_from_what_is_done() -> None:
     states = StepStates(STEPS)
     states.take(StepStarted("drive", "StartSimulationJobBatch"), 0.0)
@@ -194,3 +221,42 @@ def test_pace_is_told_from_what_is_done() -> None:
     assert drive.pace(10.0) == "30.0/min, 10 s to go"
     states.take(StepProgress("drive", {"completed": 10}, 10), 20.0)
     assert drive.pace(20.0) == ""
+
+
+@pytest.mark.parametrize(
+    ("ended", "mark", "plain"),
+    [
+        (StepEnded("drive", "Completed", 8.0, "arn:x", {"passed": 2}), "✓", "2 passed after 8.0 s: arn:x"),
+        (StepEnded("drive", "Completed", 8.0, "", {"failed": 1, "passed": 1}), "✗", "1 passed, 1 failed after 8.0 s"),
+        (StepEnded("drive", "Completed", 8.0, "", {"broken": 1}, may_be_known=True), "✗", "1 broken after 8.0 s"),
+        (StepEnded("drive", "Completed", 8.0, "", {"failed": 2}, may_be_known=True), "!", "2 failed after 8.0 s"),
+        (StepEnded("drive", "Canceled", 8.0, "", {"canceled": 2}), "✗", "Canceled, 2 canceled after 8.0 s"),
+        (StepEnded("drive", "Completed", 8.0, "arn:x"), "✓", "Completed after 8.0 s: arn:x"),
+    ],
+)
+def test_a_step_looks_as_its_jobs_ended_and_says_it_in_their_words(ended: StepEnded, mark: str, plain: str) -> None:
+    stream, terminal = io.StringIO(), Terminal()
+    with PlainWatcher(STEPS, stream) as listener:
+        listener(ended)
+    with LiveWatcher(STEPS, terminal) as listener:
+        listener(StepProgress("drive", {"completed": 2}, 2))
+        listener(ended)
+
+    assert stream.getvalue().rstrip().endswith(f"drive: {plain}")
+    last = next(line for line in reversed(terminal.getvalue().splitlines()) if "drive" in line)
+    assert mark in last
+    assert "completed" not in last or not ended.outcomes
+
+
+def test_a_line_a_minute_says_what_is_done_while_no_step_runs() -> None:
+    stream = io.StringIO()
+    ends = [StepEnded(name, "Completed", 1.0) for name, _ in STEPS]
+    with PlainWatcher(STEPS, stream, heartbeat_s=0.01) as listener:
+        for event, told in zip(
+            (None, *ends),
+            ("the run begins at the Prefect server", "between worlds and the next step", "the report is written"),
+            strict=True,
+        ):
+            if event is not None:
+                listener(event)
+            wait_for(lambda told=told: f"still at work: {told}\n" in stream.getvalue(), told)

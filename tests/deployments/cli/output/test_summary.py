@@ -5,9 +5,13 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from prefect_robomaker.deployments.cli.output.summary import summary_lines
 from prefect_robomaker.schemas.reports.forecast import ForecastCheck
+from prefect_robomaker.schemas.reports.live_comparison import AgainstAnswer
 from prefect_robomaker.schemas.reports.run_record import JobRecord, RunRecord, StepRecord
+from prefect_robomaker.schemas.runs.plan import Requirement
 
 
 def record(**changes: Any) -> RunRecord:
@@ -53,10 +57,50 @@ def test_what_jobs_had_to_do_without_is_said_once() -> None:
     assert lines(record(jobs=jobs))[9:12] == [f"  2 jobs: {wish}", "  sim-1: no video: no driver", ""]
 
 
+def test_the_trial_with_the_smallest_margin_of_all_jobs_is_named_with_its_command() -> None:
+    """Not of requirements that a trial missed, whose reason names it, nor of the environment's own."""
+    polite = Requirement(
+        name="polite", kind="clearance", satisfied=True, detail="met", margin=0.0288, unit="m", trial=24
+    )
+    near = polite.model_copy(update={"margin": 0.3, "trial": 3})
+    own = polite.model_copy(update={"name": "upright", "kind": None})
+    late = polite.model_copy(update={"name": "late", "satisfied": False})
+    jobs = [
+        JobRecord(label=f"sim-{place}", status="Completed", verdict="PASS", requirements=[each, own, late])
+        for place, each in enumerate((near, polite))
+    ]
+    assert [line for line in lines(record(jobs=jobs)) if "margin" in line] == [
+        "  polite: smallest margin 0.029 m, trial 24: robomaker repro sim-1 --trial 24"
+    ]
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"status": "Canceled", "verdict": None},
+        {"status": "Failed", "verdict": "PASS", "failure_code": "RobotApplicationCrash"},
+        {"verdict": "ERROR"},
+        {"verdict": "NONE"},
+        {"verdict": "FAIL", "unnamed_failure": True},
+    ],
+)
+def test_no_smallest_margin_is_told_where_some_trials_were_not_judged(other: dict[str, Any]) -> None:
+    polite = Requirement(name="polite", kind="clearance", satisfied=True, detail="met", margin=0.3, unit="m", trial=2)
+    late = Requirement(name="late", satisfied=False, detail="missed in 1 of 3", trial=1)
+    own = Requirement(name="trials", satisfied=False, detail="1 of 3 trials did not pass")
+    job = JobRecord(label="sim-1", status="Completed", verdict="FAIL", requirements=[own, polite, late])
+
+    def told(*jobs: JobRecord) -> bool:
+        return any("smallest margin" in line for line in lines(record(jobs=[*jobs])))
+
+    assert told(job)
+    assert not told(job, job.model_copy(update=other)), "it may have had a smaller one"
+
+
 def test_a_verdict_counts_only_when_the_job_ended_by_itself() -> None:
     first, second, third = record().jobs
     shown = record(jobs=[first, second.model_copy(update={"verdict": "PASS"}), third])
-    assert lines(shown)[1] == "night: broken, 1 of 1 verdicts pass, 2 broke, after 3 min 05 s"
+    assert lines(shown)[1] == "night: broken, 1 of 3 jobs passed, 2 broke, after 3 min 05 s"
 
 
 def test_the_final_block_leads_to_the_page_in_the_console() -> None:
@@ -69,7 +113,7 @@ def test_the_final_block_leads_to_the_page_in_the_console() -> None:
 def test_the_final_block() -> None:
     assert lines(record()) == [
         "",
-        "night: broken, 1 of 1 verdicts pass, 2 broke, after 3 min 05 s",
+        "night: broken, 1 of 3 jobs passed, 2 broke, after 3 min 05 s",
         "",
         "  ✗ export (CreateWorldExportJob): no bucket",
         "",
@@ -118,7 +162,7 @@ def test_what_the_last_line_of_a_log_repeats_is_said_once() -> None:
 def test_a_run_that_was_forecast_says_how_far_off_that_was() -> None:
     check = ForecastCheck(made_at=datetime(2026, 1, 1, tzinfo=UTC), forecast_s=171.3, took_s=185.0)
     assert lines(record(forecast=check))[1:3] == [
-        "night: broken, 1 of 1 verdicts pass, 2 broke, after 3 min 05 s",
+        "night: broken, 1 of 3 jobs passed, 2 broke, after 3 min 05 s",
         "forecast 2 min 51 s, took 3 min 05 s (8 % more)",
     ]
 
@@ -129,6 +173,16 @@ def test_the_final_block_of_a_run_without_jobs() -> None:
     assert not any("outputs" in line or "verdict" in line for line in shown)
 
 
+def test_a_run_that_made_worlds_says_how_to_look_at_them() -> None:
+    arn = "arn:aws:robomaker:us-east-1:000000000000:world-generation-job/generation-82856b0yq33y"
+    made = {"finishedWorldsSummary": {"finishedCount": 1, "succeededWorlds": ["arn:w"]}}
+    step = StepRecord(name="worlds", operation="CreateWorldGenerationJob", status="Completed", arn=arn, output=made)
+    shown = "  worlds   robomaker world sheet generation-82856b0yq33y"
+
+    assert shown in lines(record(steps=[step]))
+    assert shown not in lines(record(steps=[step.model_copy(update={"output": {}})]))
+
+
 def test_what_was_cut_short_has_no_verdict_and_long_reasons_are_cut() -> None:
     jobs = [
         JobRecord(label="sim-1", status="Canceled", verdict="NONE"),
@@ -136,13 +190,37 @@ def test_what_was_cut_short_has_no_verdict_and_long_reasons_are_cut() -> None:
         JobRecord(label="sim-3", status="Failed", failure_reason="x" * 1000),
     ]
     shown = lines(record(jobs=jobs, steps=[]))
-    assert shown[1] == "night: broken, 2 broke, 1 canceled, after 3 min 05 s"
+    assert shown[1] == "night: broken, 0 of 3 jobs passed, 2 broke, 1 canceled, after 3 min 05 s"
     assert [line.split() for line in shown[4:6]] == [
         ["1", "sim-1", "Canceled"],
         ["2", "sim-2", "Failed", "it", "crashed:", "KeyError"],
     ]
     assert shown[6].endswith("xxx … (cut here; the report has all of it)")
     assert len(shown[6]) < 600
+
+
+@pytest.mark.parametrize(
+    ("stopped_early", "said"),
+    [
+        (True, "18 jobs were not needed: it was decided before"),
+        (False, "18 jobs were not started: the batch was canceled before"),
+    ],
+)
+def test_jobs_that_never_began_are_one_line(stopped_early: bool, said: str) -> None:
+    answer = AgainstAnswer(
+        run_id="night-0", alpha=0.05, answer="better", why="decided after 8 of 30 pairs", pairs=8, planned=30,
+        stopped_early=stopped_early,
+    )  # fmt: skip
+    why = "the batch ended before a job was made of this request"
+    unmade = [
+        JobRecord(label=f"request {each}", status="NotCreated", failure_code="BatchCanceled", failure_reason=why)
+        for each in range(2, 20)
+    ]
+    jobs = [JobRecord(label="sim-1", arn="arn:1", status="Completed", verdict="PASS"), *unmade]
+    shown = lines(record(jobs=jobs, steps=[], against=answer))
+    assert said in [line.strip() for line in shown]
+    assert not [line for line in shown if "request " in line or why in line]
+    assert said in [line.strip() for line in lines(record(jobs=unmade, steps=[], against=answer))]
 
 
 def test_a_long_reason_loses_its_end_after_a_word_and_keeps_what_its_log_says() -> None:

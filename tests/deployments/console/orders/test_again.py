@@ -27,7 +27,12 @@ def order(team: str) -> dict[str, Any]:
         "maxJobDurationInSeconds": 60,
         "iamRole": "arn:aws:iam::000000000000:role/test",
         "tags": {"team": team},
-        "robotApplications": [{"application": "scout", "launchConfig": {"environmentVariables": {"ROOM": "${{ x }}"}}}],
+        "robotApplications": [
+            {
+                "application": "scout",
+                "launchConfig": {"command": ["./drive"], "environmentVariables": {"ROOM": "${{ x }}"}},
+            }
+        ],
     }
 
 
@@ -144,9 +149,12 @@ def test_links_of_a_report_lead_to_files_of_its_jobs(enter: Enter, ended: Any, s
         label="sim-1", status="Completed", arn=service.arn("simulation-job", "sim-1"), output_uri="file:///out/sim-1/a"
     )
     folder = write_run(service, ended(), job)
-    links = [f'<a href="{each}">' for each in ("file:///out/sim-1/a/logs/a%20b.log", place, "https://example.org/")]
+    moved = "file:///home-before/out/sim-1/a/result.json"
+    places = ("file:///out/sim-1/a/logs/a%20b.log", place, moved, "https://example.org/")
+    links = [f'<a href="{each}">' for each in places]
     (folder / "report.html").write_text("".join(links))
     shown = enter().get(f"/runs/{folder.name}/report").text
     assert 'href="/console/jobs/sim-1/files/logs/a%20b.log"' in shown
+    assert 'href="/console/jobs/sim-1/files/result.json"' in shown, "the home may have been moved"
     assert 'href="https://example.org/"' in shown
     assert 'href="file:' not in shown

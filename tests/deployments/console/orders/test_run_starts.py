@@ -27,7 +27,7 @@ def batch_spec(tags: dict[str, str], application: str = "scout") -> str:
         "maxJobDurationInSeconds": 60,
         "iamRole": "arn:aws:iam::000000000000:role/test",
         "tags": tags,
-        "robotApplications": [{"application": application, "launchConfig": {}}],
+        "robotApplications": [{"application": application, "launchConfig": {"command": ["./drive"]}}],
     }
     step = {"operation": "StartSimulationJobBatch", "input": {"createSimulationJobRequests": [request], "tags": tags}}
     return json.dumps({"version": 1, "name": "one", "steps": {"drive": step}})

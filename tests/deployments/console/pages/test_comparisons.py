@@ -269,16 +269,16 @@ def test_a_trial_of_two_jobs_is_chosen_and_drawn_on_one_plan(
     address = f"/console/compare?before={runs[0].run_id}&after={runs[1].run_id}"
     [first], [other], [none] = (cards_of(browser.get(address + more).text) for more in ("", "&trial=0", "&trial=1"))
 
-    assert "<strong>Trial 2</strong> is shown. A passed; B failed, gentle: 8.5 N" in html.unescape(first)
+    assert "Shown is <strong>trial 2</strong>. A passed; B failed, gentle: 8.5 N" in html.unescape(first)
     assert first.count("data-times=") == 2
     assert "B first missed gentle at 2.0 s" in first
     assert f'src="/console/jobs/{jobs[1].label}/files/trials/000002/video.mp4" data-begins="0.0"' in first
     assert re.findall(r">(trial \d[^<]*)</a>", first) == ["trial 0", "trial 2, differs"]
     [link] = re.findall(r'href="([^"]*)">trial 0<', first)
     assert link == html.escape(f"{address}&from=1&pair=1&trial=0#pair-1")
-    assert "<strong>Trial 0</strong> is shown. A passed; B passed." in other
+    assert "Shown is <strong>trial 0</strong>. A passed; B passed." in other
     assert "first missed" not in other.partition("<title>")[2]
-    assert "<strong>Trial 2</strong> is shown." in none, "of one that nobody recorded there is nothing to show"
+    assert "Shown is <strong>trial 2</strong>." in none, "of one that nobody recorded there is nothing to show"
 
 
 def test_a_trial_that_one_job_did_not_record_says_how_to_get_its_path(
@@ -288,7 +288,11 @@ def test_a_trial_that_one_job_did_not_record_says_how_to_get_its_path(
     after = drive(service, tmp_path, "F", world=worlds[0], night=1, trials={2: -3.5})
     runs = two_runs(service, [before], [after])
     [card] = cards_of(browser.get(f"/console/compare?before={runs[0].run_id}&after={runs[1].run_id}").text)
-    assert "<strong>Trial 2</strong> is shown." in card
+    assert "Shown is <strong>trial 2</strong>." in card
     assert card.count("data-times=") == 1
-    assert f"A did not record trial 2: <code>robomaker repro {before.label} --trial 2</code> runs it again." in card
-    assert card.count("There is no video of trial 2") == 2
+    command = f"<code>robomaker repro {before.label} --trial 2</code>"
+    assert f"A did not record trial 2, as it passed: {command} runs it again with a recording and a video." in card
+    assert (
+        "A: No video: the trial was not recorded, as it passed. B: No video: with <code>video: on-failure</code>"
+        in card
+    )

@@ -28,7 +28,7 @@ def test_a_history_is_plotted_and_leads_to_its_runs(browser: Any, runs: Path) ->
     page = browser.get(browser.get("/console/history").headers["location"]).text
 
     assert page.count('class="night"') == 3
-    assert "2 of 10 passed in the last one" in page
+    assert "2 of 10 jobs passed in the last one" in page
     assert "Failing now" in page
     found = set(re.findall(r'href="(/console/runs/[^"]+)"', page))
     assert found == {f"/console/runs/{folder.name}" for folder in runs.iterdir()}

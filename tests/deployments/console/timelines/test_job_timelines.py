@@ -120,7 +120,10 @@ def test_a_clip_of_the_end_says_why_it_is_dim_and_a_job_without_video_how_to_get
     none = {policy: store_job(verdict="FAIL", files=outputs() | {"provenance.json": b"{}"}, video=policy)
             for policy in ("none", "on-failure")}  # fmt: skip
     asked = browser.get(f"/console/jobs/{none['none']}").text
-    assert "There is no video: the request asks for none. <code>video: always</code> in the request" in asked
+    how = (
+        "<code>video: on-failure</code> in the request makes one of each run that fails, <code>video: always</code> one"
+    )
+    assert f"There is no video: the request asks for none. {how} of every run." in asked
     assert f"<code>robomaker repro {none['none']}</code>" in asked.partition('id="video"')[2].partition("</section>")[0]
     assert "There is no video: none is stored." in browser.get(f"/console/jobs/{none['on-failure']}").text
 
@@ -206,7 +209,7 @@ def test_a_job_with_trials_shows_one_that_was_recorded(
         end_s = END_S if trial == 2 else 20.0
         own = RESULT.model_copy(update={"sim_time_s": end_s})
         files |= {f"trials/{trial:06d}/{name}": data for name, data in outputs(own, recording_mcap=recording).items()}
-    job = store_job(verdict="FAIL", files=files)
+    job = store_job(verdict="FAIL", files=files | {"provenance.json": b"{}"})
     page = browser.get(f"/console/jobs/{job}").text
     assert "Time line of trial 1" in page
     assert f'data-poses="/console/jobs/{job}/timeline?trial=1" data-end="20.0"' in page
@@ -214,6 +217,10 @@ def test_a_job_with_trials_shows_one_that_was_recorded(
     assert 'aria-current="page">trial 1' in page
     other = browser.get(f"/console/jobs/{job}?trial=2").text
     assert f'timeline?trial=2" data-end="{END_S}"' in other
+    again = other.partition('id="again-title"')[2]
+    for command in ("repro", "verify"):
+        assert f'<code>robomaker {command} {job} <span class="whole">--trial 2</span></code>' in again
+    assert "They repeat trial 2; without <code>--trial</code>, the first trial that did not pass." in again
     assert browser.get(f"/console/jobs/{job}/timeline?trial=2").json()["end_s"] == END_S
     unrecorded = browser.get(f"/console/jobs/{job}?trial=0").text
     assert "data-end" not in unrecorded, "the time line of another trial would be taken for its own"

@@ -17,7 +17,9 @@ def notes(robot: str, *steps: dict[str, Any], simulation: str = "indoor-navigati
         "iamRole": ROLE,
         "maxJobDurationInSeconds": 60,
         "robotApplications": [{"application": robot, "launchConfig": {}}],
-        "simulationApplications": [{"application": simulation, "launchConfig": {}}],
+        "simulationApplications": [
+            {"application": simulation, "launchConfig": {}, "worldConfigs": [{"world": "${{ item }}"}]}
+        ],
     }
     batch = {"createSimulationJobRequests": {"forEach": ["arn:a"], "value": {**job, "tags": {"world": "${{ item }}"}}}}
     named = {f"made_{number}": step for number, step in enumerate(steps)}

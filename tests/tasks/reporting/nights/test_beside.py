@@ -55,3 +55,13 @@ def test_a_page_says_how_many_pairs_it_takes(basis: Any, more: int, words: str) 
     page = ComparisonPage("nightly", before, after, comparison, [], 0, 0, 0, 1, [], [])
     html = render_page("comparison.html.j2", ("history.css", "comparison.css"), page)
     assert words in " ".join(re.sub("<[^>]+>", "", html).split())
+
+
+@pytest.mark.parametrize(("of_trials", "noun"), [(False, "jobs"), (True, "trials")])
+def test_the_heading_of_pass_rates_names_what_is_counted(of_trials: bool, noun: str) -> None:
+    nights = [NightRun.of(make_night("PPFF", 0)), NightRun.of(make_night("PFPF", 1))]
+    comparison = compare(*nights)
+    comparison = comparison.model_copy(update={"trials": 9}) if of_trials else comparison
+    before, after = [ComparedSide(letter, letter, run.run_id) for letter, run in zip("AB", nights, strict=True)]
+    page = ComparisonPage("nightly", before, after, comparison, [], 0, 0, 0, 1, [], [])
+    assert f"Pass rates of 4 pairs of {noun} that" in render_page("comparison.html.j2", ("history.css",), page)

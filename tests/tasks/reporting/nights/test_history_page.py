@@ -7,13 +7,14 @@ from typing import Any
 
 import pytest
 from helpers.browser import NEEDS_BROWSER, browsing
-from helpers.night_records import make_job, make_night
+from helpers.night_records import make_job, make_night, make_trials_night
 from PIL import Image
 
 from prefect_robomaker.deployments.cli.output.comparison import history_lines
 from prefect_robomaker.deployments.console.rendering import since_briefly
 from prefect_robomaker.schemas.reports.changes import ChangedInput
 from prefect_robomaker.schemas.reports.history import History
+from prefect_robomaker.schemas.reports.run_record import BEFORE_STEPS, StepRecord
 from prefect_robomaker.tasks.comparison.compared_runs import NightRun
 from prefect_robomaker.tasks.comparison.history import history_of, since_last_run
 from prefect_robomaker.tasks.reporting import render_history, render_report, write_history
@@ -49,8 +50,27 @@ def test_the_page_says_what_a_reader_wants_to_know() -> None:
 
 def test_one_run_has_a_page() -> None:
     html = render_history(history("PF"), RUNS)
-    assert "This is the first run of the specification that has results here" in html
-    assert "1 run; 1 of 2 passed in the last one" in html
+    assert "No earlier run of the specification has results here" in html
+    assert "1 run; 1 of 2 jobs passed in the last one" in html
+
+
+@pytest.mark.parametrize(("letters", "word"), [("PP", "passed"), ("PN", "succeeded")])
+def test_a_run_is_passed_if_each_of_its_jobs_is(letters: str, word: str) -> None:
+    found = history(letters)
+    assert (found.nights[0].state, found.nights[0].shown_state) == ("succeeded", word)
+    html = render_history(found, RUNS)
+    assert f"The last run: <strong>{word}</strong> (" in html
+    assert f"</svg>{word}</span>" in html
+
+
+def test_what_copies_are_is_said_once(tmp_path: Path) -> None:
+    nights = [make_trials_night(["PPPP"], night, runs=tmp_path, states="aaab") for night in (0, 1)]
+    found = history_of("nightly", [NightRun.of(each) for each in nights])
+    html, lines = render_history(found, tmp_path), "\n".join(history_lines(found, tmp_path))
+    for text in (html, lines):
+        assert "not counted" not in text
+        assert text.lower().count("copies: trials that went through the same states") == 1
+    assert lines.count(" 2 copies") == html.count("(2 copies)") == 2
 
 
 def test_a_canceled_night_says_how_much_of_it_was_judged() -> None:
@@ -63,7 +83,11 @@ def test_a_canceled_night_says_how_much_of_it_was_judged() -> None:
     assert found.since_last.without_result == 4
     for text in (html, lines):
         assert "canceled, 2 of 6 jobs judged" in text
+    share = found.nights[-1].success
+    assert (share.passed, share.rate, share.low) == (2, None, None), "those that ended first are no sample"
+    assert "100%" not in lines.partition("2026-03-02")[2].partition("2026-03-01")[0]
     assert "The last run: <strong>canceled</strong>" in html
+    assert ">The last run against the one before</h2>" in html
     assert "4 jobs of this run have no result" in html
     assert "4 jobs of the last run have no result" in lines
     for silent in ("as before", "No verdict changed"):
@@ -73,6 +97,24 @@ def test_a_canceled_night_says_how_much_of_it_was_judged() -> None:
     ended = history("PPPPPP", "PPPPPP")
     assert "No verdict changed: 6 jobs pass as before" in render_history(ended, RUNS)
     assert "judged" not in "\n".join(history_lines(ended, RUNS))
+
+
+def test_a_run_without_results_of_its_own_says_why_in_the_chart() -> None:
+    first = make_night("PF", 0, runs=RUNS)
+    jobs = [job.model_copy(update={"reused_from": first.run_id}) for job in make_night("PF", 1).jobs]
+    step = StepRecord(name=BEFORE_STEPS, operation="RunPipeline", status="Failed", error="no such robot")
+    refused = make_night("", 2, runs=RUNS).model_copy(update={"state": "broken", "steps": [step]})
+    nights = [first, make_night(jobs, 1, runs=RUNS), refused, make_night("CC", 3, runs=RUNS)]
+
+    page = render_history(history_of("nightly", [NightRun.of(each) for each in nights]), RUNS)
+
+    titles = re.findall(r"<title>\d[^:]*:[^:]*:[^:]*: ([^<\n]*)", page)
+    assert titles == [
+        "1 of 2 judged jobs passed", "taken over", "refused before its first step: no such robot", "nothing judged"
+    ]  # fmt: skip
+    marks = re.findall(r'class="(point|taken|none)"', page[page.index('class="chart"') : page.index("<figcaption>")])
+    assert marks == ["point", "taken", "none", "none"]
+    assert "all results taken over" in page[page.index("<figcaption>") :]
 
 
 def test_runs_of_one_day_are_told_apart_by_their_times() -> None:

@@ -157,6 +157,7 @@ class TestEnds:
             simulation.run(agent)
         result = job.result()
         assert (result.ended_by, result.metrics["steps"]) == ("agent", 3.0)
+        assert not any("left" in note for note in result.notes), "it said so"
 
     @pytest.mark.parametrize("unread", [False, True])
     def test_the_robot_is_gone(self, start: Callable[..., Job], unread: bool) -> None:
@@ -168,7 +169,19 @@ class TestEnds:
         if not unread:
             simulation.receive()
         simulation.close()  # its exit code says whether that was a crash: that is for others to judge
-        assert job.result().ended_by == "agent"
+        result = job.result()
+        assert result.ended_by == "agent"
+        assert result.notes[0] == "the robot program left at 0.4 s without sending END, which ended the run"
+
+    def test_when_the_robot_left_of_how_long_is_told(self, start: Callable[..., Job]) -> None:
+        job = start(ARENA.format("make_timed"))
+        simulation = job.connect()
+        for _ in range(5):
+            simulation.receive()
+            simulation.act(0.0)
+        simulation.close()
+        note = "the robot program left at 0.1 of 0.6 s without sending END, which ended the run"
+        assert job.result().notes[0] == note
 
     def test_the_robot_says_what_broke(self, start: Callable[..., Job]) -> None:
         job = start()

@@ -16,7 +16,7 @@ from mcap_ros2.decoder import DecoderFactory
 
 from prefect_robomaker.tasks.runtime.episode.context import ActionError
 from prefect_robomaker.tasks.runtime.episode.progress import Phase
-from prefect_robomaker.tasks.runtime.episode.run_results import Episode
+from prefect_robomaker.tasks.runtime.episode.run_results import Episode, make_result
 from prefect_robomaker.tasks.runtime.process.attempt import recording_findings
 from prefect_robomaker.tasks.runtime.process.run_loop import RunStopped, run_episode
 from prefect_robomaker.tasks.runtime.recording.messages import Clock, Time
@@ -94,6 +94,39 @@ def test_an_agent_that_returns_early() -> None:
     actions = iter([np.zeros(1)] * 7)
     episode = run(agent=lambda environment: lambda timestep: next(actions))
     assert (episode.ended_by, episode.steps) == ("agent", 7)
+
+
+class Noting:
+    """An agent that tells what a person should know of its run."""
+
+    def __init__(self, notes: object) -> None:
+        self._notes = notes
+
+    def __call__(self, timestep: Any) -> Any:
+        return np.array([2.0])
+
+    def run_notes(self) -> object:
+        return self._notes
+
+
+def test_notes_of_the_agent_are_shown_with_the_verdict() -> None:
+    episode = run(agent=lambda environment: Noting(["gave up:\n  no way"]))
+    assert make_result(episode, 1).notes == ["gave up: no way"]
+
+
+@pytest.mark.parametrize("notes", [None, "gave up", [3]])
+def test_notes_that_are_no_list_of_text_take_nothing_from_a_run_that_has_ended(notes: object) -> None:
+    episode = run(agent=lambda environment: Noting(notes))
+    (told,) = make_result(episode, 1).notes
+    assert told.startswith(
+        f"no notes of the agent: its run_notes raised TypeError: agent.run_notes() returned {notes!r}"
+    )
+
+
+def test_an_attribute_that_is_called_like_the_method_is_left_alone() -> None:
+    agent = Noting([])
+    agent.run_notes = ["mine"]  # type: ignore[method-assign, assignment]
+    assert make_result(run(agent=lambda environment: agent), 1).notes == []
 
 
 def test_stop_iteration_of_the_environment_is_an_error() -> None:

@@ -161,6 +161,13 @@ def test_clearance_is_from_surface_to_surface(judge: Callable[..., RunResult]) -
     assert "from wall" in near.detail
 
 
+def test_what_is_missed_before_the_robot_moves_is_not_told_as_its_fault(judge: Callable[..., RunResult]) -> None:
+    far = only(judge({"kind": "clearance", "min_m": 20}))
+    assert far.first_violation_s == 0
+    assert far.detail.endswith("it was missed before the robot moved, so nothing that it does could have met it here")
+    assert "before the robot moved" not in only(judge({"kind": "clearance", "min_m": 0.5})).detail
+
+
 def test_clearance_of_chosen_things(judge: Callable[..., RunResult]) -> None:
     ball = only(judge({"kind": "clearance", "min_m": 1.0, "others": ["ball"]}, action=(0.0, 0.0)))
     assert ball.value == pytest.approx(np.hypot(4.0, 0.1) - 0.45, abs=1e-2)

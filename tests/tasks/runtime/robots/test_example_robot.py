@@ -5,7 +5,9 @@ import re
 import shutil
 import tarfile
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import mujoco_menagerie
 import numpy as np
@@ -19,6 +21,7 @@ from mcap_ros2.decoder import DecoderFactory
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import make_environment
 from prefect_robomaker.tasks.runtime.robots.robot_lookup import find_robot
 from prefect_robomaker.tasks.runtime.robots.robot_yaml.shape import ROBOT_MODELS
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
@@ -204,6 +207,23 @@ def test_the_mapping_that_the_documentation_shows_is_a_right_one(unpacked: Path)
     assert (rover.limits.radius_m, rover.limits.linear_mps) == (0.23, 0.5)
     assert rover.lidar is not None
     assert rover.lidar.height_m == pytest.approx(0.23)
+
+
+def test_the_agent_that_the_documentation_shows_drives_to_a_room(make_context: Any) -> None:
+    page = (REPOSITORY / "docs" / "robots.md").read_text()
+    [shown] = re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    module: dict[str, Any] = {}
+    exec(shown, module)
+    context = make_context(environment={"ROOM": "hall"})
+    environment = make_environment(context)
+    agent = module["make_agent"](context, environment)
+    timestep = environment.reset()
+    with suppress(StopIteration):
+        while True:
+            timestep = environment.step(agent(timestep))
+            assert not timestep.last(), "the agent ends the run"
+    [goal] = [room.goal for room in context.world.floorplan.rooms if room.name == "hall"]
+    assert timestep.observation["pose"][:2] == pytest.approx(goal, abs=0.21)
 
 
 def test_every_member_of_a_mapping_is_in_the_documentation() -> None:

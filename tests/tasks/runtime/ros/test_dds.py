@@ -80,6 +80,21 @@ def test_publishers_of_other_types_are_told(domain: int) -> None:
         wire.close()
 
 
+def test_a_program_that_speaks_dds_without_ros_is_no_node_of_ros(domain: int) -> None:
+    wire, node = DdsWire(domain, Reach()), Participant(domain, Reach())
+    try:
+        wire.open([], "/cmd_vel")
+        commands = node.writer("/cmd_vel", "geometry_msgs/msg/Twist", is_latched=False, depth=1)
+        wait_for(lambda: wire.peers().commanders, "the publisher")
+        assert not wire.peers().has_ros_nodes
+        log = node.writer("/rosout", "rcl_interfaces/msg/Log", is_latched=True, depth=1)
+        wait_for(lambda: wire.peers().has_ros_nodes, "the node's log")
+        del commands, log
+    finally:
+        node.close()
+        wire.close()
+
+
 def test_lockstep_says_that_it_cannot_hear_best_effort(domain: int) -> None:
     wire, node = DdsWire(domain, Reach(), is_reliable=True), Participant(domain, Reach())
     try:

@@ -200,8 +200,44 @@ def test_nodes_that_never_command_fail_the_run(run, monkeypatch: pytest.MonkeyPa
     wire = ScriptedWire(peers=lambda _: Peers(frozenset({"/scan", "/clock"}), commanders=1))
     made = run(wire, real_time_factor=2.0)
     made.begin()
-    with pytest.raises(LaunchError, match=r"no command on /cmd_vel in [0-9.]+ s .* listen to: /clock, /scan"):
+    with pytest.raises(LaunchError, match=r"no command on /cmd_vel in [0-9.]+ s .* listen to /clock, /scan"):
         made.go(10_000)
+
+
+@pytest.mark.parametrize("mode", ["lockstep", "paced"])
+def test_nodes_without_a_publisher_of_commands_are_told_so_in_each_mode(run, mode: str) -> None:
+    made = run(ScriptedWire(peers=lambda _: Peers(frozenset({"/scan", "/odom"}))), time=mode)
+    made.begin()
+    with pytest.raises(LaunchError) as caught:
+        made.go(10_000)
+    assert str(caught.value) == (
+        "no node of robot application driver publishes geometry_msgs/Twist or TwistStamped on /cmd_vel; the nodes "
+        "listen to /odom, /scan"
+    )
+    assert "paced" not in str(caught.value)
+
+
+def test_a_publisher_of_commands_that_is_not_heard_is_told_in_lockstep(run) -> None:
+    peers = Peers(frozenset({"/scan"}), 0, {"/cmd_vel": "best effort geometry_msgs/msg/Twist"})
+    made = run(
+        ScriptedWire(peers=lambda now_s: peers if now_s > 12.0 else Peers(frozenset({"/scan"}))), time="lockstep"
+    )
+    made.begin()
+    with pytest.raises(
+        LaunchError, match=r"; one publishes /cmd_vel with best effort geometry_msgs/msg/Twist; the nod"
+    ):
+        made.go(10_000)
+
+
+def test_a_program_without_ros_is_not_told_to_follow_the_clock(run) -> None:
+    said = []
+    for has_ros_nodes in (False, True):
+        peers = Peers(frozenset({"/scan"}), 1, has_ros_nodes=has_ros_nodes)
+        made = run(ScriptedWire([(0.6, drive(0.1))], peers=lambda _, peers=peers: peers))
+        made.begin()
+        made.go(20)
+        said.append("no node subscribed /clock" in notes(made))
+    assert said == [False, True]
 
 
 def test_nodes_that_listen_may_begin_without_commands(run) -> None:

@@ -337,9 +337,10 @@ class TestEpisodesWithPrograms:
         self, launcher: Launcher, plan_drive: Callable[..., RunPlan]
     ) -> None:
         plan = plan_drive(
-            "import os, socket\n"
+            "import os, socket, time\n"
             "connection = socket.socket(socket.AF_UNIX)\n"
-            "connection.connect(os.environ['ROBOMAKER_AGENT_SOCKET'])\n"
+            "while connection.connect_ex(os.environ['ROBOMAKER_AGENT_SOCKET']):\n"
+            "    time.sleep(0.02)  # on a busy machine a program may be quicker than the simulation\n"
             "connection.recv(100)"
         )
         code, reason = failure(launcher.run(plan, never))

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from prefect_robomaker.schemas.runs.plan import RunPlan
 from prefect_robomaker.schemas.runs.programs import RunStop
 from prefect_robomaker.tasks.runtime.episode.progress import STOP_REASONS, Phase, Progress
-from prefect_robomaker.tasks.runtime.supervision.run_outcomes import Exit, decide_outcome, failure_reason
+from prefect_robomaker.tasks.runtime.supervision.run_outcomes import Crash, Exit, decide_outcome, failure_reason
 
 Plan = Callable[..., RunPlan]
 FINISHED = Exit(0, None, Phase.FINISHING, {"ended_by": "environment"})
@@ -42,6 +42,19 @@ def test_a_request_that_cannot_be_done_is_not_the_runtimes_failure(make_plan: Pl
     assert (outcome.failure_code, outcome.failure_reason) == ("InvalidInput", refused["error"])
 
 
+def test_a_sentence_that_the_log_has_too_is_told_once(make_plan: Plan) -> None:
+    error = "robot.yaml:4:3: base: the model has no 'bse'"
+    refused = Exit(
+        1, None, Phase.MAKE_ENVIRONMENT, {"error": error, "phase": 1, "code": "InvalidBundleRobotApplication"}
+    )
+    log = ("logs/stderr.log", [error])
+    text = f"Robot application driver has no robot that can be used: {error}"
+    assert decide_outcome(refused, None, make_plan(), log).failure_reason == text
+    more = ("logs/stderr.log", ["hull.dae is not shown", error])
+    told = decide_outcome(refused, None, make_plan(), more).failure_reason
+    assert told == f"{text}\nLast lines of logs/stderr.log:\nhull.dae is not shown"
+
+
 @pytest.mark.parametrize("stopped_for", [RunStop.DURATION_LIMIT, RunStop.CANCELED])
 def test_an_end_just_before_the_stop_counts(make_plan: Plan, stopped_for: RunStop) -> None:
     outcome = decide_outcome(FINISHED, stopped_for, make_plan())
@@ -68,6 +81,17 @@ def test_whose_signal_it_was(make_plan: Plan, phase: Phase, code: str, text: str
     outcome = decide_outcome(Exit(None, 11, phase, {}), None, make_plan())
     assert outcome.failure_code == code
     assert outcome.failure_reason == f"{text}: killed by SIGSEGV"
+
+
+def test_a_failure_during_the_run_says_when_it_was(make_plan: Plan) -> None:
+    crashed = Exit(None, None, Phase.AGENT, {}, Crash("robot", "exited with code 1", "robot"), sim_time_s=3.04)
+    raised = Exit(1, None, Phase.AGENT, {"error": "lost", "phase": Phase.AGENT}, sim_time_s=3.04)
+    closing = Exit(1, None, Phase.REPORT, {"error": "lost", "phase": Phase.REPORT}, sim_time_s=3.04)
+    assert [decide_outcome(each, None, make_plan()).failure_reason for each in (crashed, raised, closing)] == [
+        "Robot application driver (program robot) exited with code 1 after 3.0 s simulated",
+        "Robot application driver failed in the agent after 3.0 s simulated: lost",
+        "Simulation application arena failed in environment.run_result(): lost",
+    ]
 
 
 def test_a_success_that_was_not_finished_is_a_failure(make_plan: Plan) -> None:

@@ -111,8 +111,11 @@ def test_a_program_that_is_asked_at_the_limit_may_answer(
 def test_a_program_that_never_connects_is_unhealthy_whichever_limit_comes_first(
     launcher: Launcher, plan_yard: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    # What it says of being told to end is no reason of the failure.
     code = (
-        "import pathlib, time; print('waiting for /cmd_vel', flush=True); pathlib.Path('busy').touch(); time.sleep(1e4)"
+        "import pathlib, signal, sys, time\n"
+        "signal.signal(signal.SIGTERM, lambda *_: sys.exit('shut down from outside'))\n"
+        "print('waiting for /cmd_vel', flush=True); pathlib.Path('busy').touch(); time.sleep(1e4)"
     )
     robot = ProgramPlan(
         name="robot", role="robot", kind="application", argv=[sys.executable, "-c", code], folder=tmp_path
@@ -122,6 +125,7 @@ def test_a_program_that_never_connects_is_unhealthy_whichever_limit_comes_first(
     assert (outcome.status, outcome.failure_code) == ("Failed", "RobotApplicationHealthCheckFailure")
     assert "driver did not connect before the job's duration limit of 120 s" in (outcome.failure_reason or "")
     assert (outcome.failure_reason or "").endswith("Last lines of logs/robot.stdout.log:\nwaiting for /cmd_vel")
+    assert (plan.output_dir / "logs" / "robot.stderr.log").read_text() == "shut down from outside\n"
 
 
 @pytest.mark.parametrize("hang", ["act", "act-in-python"])

@@ -154,6 +154,18 @@ def test_what_the_job_switched_off_is_told_beside_its_trials() -> None:
     assert (off.satisfied, off.detail) == (False, "switched off by the job; met in 0 of 2 trials")
 
 
+def test_a_note_that_several_trials_have_is_one_line_with_their_numbers() -> None:
+    tally = Tally(Trials(seeds=30))
+    for number in range(30):
+        notes = ["off", *(["odd"] if number % 2 else []), *(["one"] if number == 4 else [])]
+        tally.take(TrialRow(trial=number, seed=number, verdict="PASS", notes=notes))
+    assert tally.result("environment", 0, {}, []).notes == [
+        "all 30 trials: off",
+        "trials 1, 3, 5, 7, 9, 11, 13, 15, 17, 19 and 5 more: odd",
+        "trial 4: one",
+    ]
+
+
 def test_a_defect_of_a_trial_stays_one_in_the_result_of_its_job() -> None:
     """Nights are compared by what was asked for, and no defect was."""
     fell = Requirement(name="above_floor", kind="health", satisfied=False, detail="it fell")
@@ -170,10 +182,23 @@ def test_the_summary_stays_small_however_many_trials_fail() -> None:
         tally.take(TrialRow(trial=number, seed=number, verdict="FAIL", reason="x" * 2000))
     result = tally.result("environment", 0, {}, [])
     assert len(result.extra["trials"]["failing"]) == MAX_FAILING
-    assert (
-        result.reason == "trials: 5000 of 5000 trials did not pass: trials 0, 1, 2, 3, 4, 5, 6, 7, 8, 9 and 4990 more"
-    )
+    assert result.reason == "trials: 5000 of 5000 trials did not pass"
     assert len(result.model_dump_json()) < 100_000
+
+
+def test_the_trials_that_did_not_pass_are_listed_where_others_passed() -> None:
+    missed = Requirement(name="polite", satisfied=False, detail="1.2 m away")
+    told = []
+    for passed in (1, 0):
+        tally = Tally(Trials(seeds=14))
+        for number in range(14):
+            row = {"verdict": "PASS"} if number < passed else {"verdict": "FAIL", "requirements": [missed]}
+            tally.take(TrialRow.model_validate({"trial": number, "seed": number, **row}))
+        told.append(tally.result("environment", 0, {}, []).reason)
+    assert told == [
+        "trials: 13 of 14 trials did not pass: trials 1, 2, 3, 4, 5, 6, 7, 8, 9, 10 and 3 more; missed: polite in 13",
+        "trials: 14 of 14 trials did not pass; missed: polite in 14",
+    ]
 
 
 def test_rows_lie_in_groups(tmp_path: Path) -> None:

@@ -29,6 +29,10 @@ CASES = {
     ),
     "apart": (ROOMS, "no door or opening leads from Kitchen to Living"),
     "stray door": (ROOMS + DOOR.replace('"4"', '"2"'), "door d of 1.00 m: it lies in no wall"),
+    "door across": (
+        ROOMS + DOOR.replace('x1="4" y1="1"', 'x1="3.5" y1="2"').replace('x2="4"', 'x2="4.5"'),
+        "door d of 1.00 m: it crosses the wall between Kitchen and Living; draw it along that wall",
+    ),
     "tiny door": (ROOMS + DOOR.replace('y2="2"', 'y2="1.2"'), "it is narrower than 0.5 m"),
     "wide door": (ROOMS + DOOR.replace('y2="2"', 'y2="3.5"'), "it is wider than 2.4 m; is the scale right?"),
     "long door": (
@@ -53,8 +57,37 @@ CASES = {
 }
 
 
+SEVERAL = {
+    "rooms and openings": (
+        '<polygon id="Kitchen" points="0,0 4,1 4,4 0,4"/><rect class="room" id="Xyzzy" width="4" height="4"/>'
+        + DOOR.replace("id=", 'data-open="wide" id='),
+        ("its edge from (0, 0)", "'Xyzzy': what kind of room", "data-open is 'wide'"),
+    ),
+    "doors": (
+        ROOMS + DOOR.replace('"4"', '"2"') + DOOR.replace('"d"', '"e"').replace('y2="2"', 'y2="1.2"'),
+        ("door d of 1.00 m: it lies in no wall", "door e of 0.20 m: it is narrower"),
+    ),
+    "overlaps": (
+        ROOMS.replace('x="4"', 'x="3"') + '<rect id="Hall" x="6" width="4" height="4"/>',
+        ("Kitchen and Living overlap by 4.00 m2", "Living and Hall overlap by 4.00 m2"),
+    ),
+}
+"""Drawings with several mistakes, and what is said of each, in its order."""
+
+
 def imported(path: Path, **notes: object) -> None:
     import_world(Source(path), DrawingNotes.model_validate(notes), 0, settle=False)
+
+
+@pytest.mark.parametrize("case", SEVERAL)
+def test_all_mistakes_of_a_drawing_are_told_together(case: str, tmp_path: Path) -> None:
+    content, expected = SEVERAL[case]
+    path = tmp_path / "plan.svg"
+    path.write_text(f'<svg xmlns="http://www.w3.org/2000/svg">{content}</svg>')
+    with pytest.raises(ConfigurationError) as refused:
+        imported(path)
+    lines = str(refused.value).splitlines()
+    assert all(part in line for part, line in zip(expected, lines, strict=True)), lines
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -86,5 +119,8 @@ def test_notes_that_fit_no_room_or_paper(tmp_path: Path) -> None:
     path.write_text(f'<svg xmlns="http://www.w3.org/2000/svg">{ROOMS}{DOOR}</svg>')
     with pytest.raises(ConfigurationError, match="the notes name a room 'Pool'; the drawing has Kitchen, Living"):
         imported(path, rooms={"Pool": {"type": "Bathroom"}})
+    meant = r"the notes name a room 'Kitchn'; did you mean 'Kitchen'\? The drawing has Kitchen, Living"
+    with pytest.raises(ConfigurationError, match=meant):
+        imported(path, rooms={"Kitchn": {"type": "Kitchen"}})
     with pytest.raises(ConfigurationError, match="scale 1:50: the drawing has no size on paper"):
         imported(path, scale="1:50")

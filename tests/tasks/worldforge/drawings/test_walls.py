@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from prefect_robomaker.tasks.worldforge.drawings.squaring import outline_of, overlap, square, upright
+from prefect_robomaker.tasks.worldforge.drawings.squaring import outline_of, overlaps, square, upright
 from prefect_robomaker.tasks.worldforge.floorplans.partition import Corners, area
 from prefect_robomaker.tasks.worldforge.floorplans.walls import Piece, Walls, room_units
 
@@ -80,7 +80,7 @@ def test_rooms_drawn_with_gaps_for_walls_meet_where_they_would(rooms: list[Corne
             inner.append((x / 20 + half * np.sign((v - y) + (y - q)), y / 20 + half * np.sign((x - u) + (p - x))))
         drawn.append(upright(inner[::turn], "room", inner[::turn]))
     squared = square(drawn, on_faces=False)
-    assert overlap(squared.rooms) is None
+    assert not list(overlaps(squared.rooms))
     assert all(area(corners) > 0 for corners in squared.rooms), "counter-clockwise"
     if gap == 0:
         first = min(x for corners in rooms for x, _ in corners), min(y for corners in rooms for _, y in corners)

@@ -23,7 +23,7 @@ from prefect_robomaker.schemas.worlds.world import Furniture
 from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world
 from prefect_robomaker.tasks.worldforge.exports.export_scene import Thing, make_scene, read_scene
 from prefect_robomaker.tasks.worldforge.exports.sdf import model_files
-from prefect_robomaker.tasks.worldforge.exports.sdf_models import SharedModels, sdf_world
+from prefect_robomaker.tasks.worldforge.exports.sdf_worlds import SharedModels, sdf_world
 from prefect_robomaker.tasks.worldforge.geometry.boxes import room_rects
 from prefect_robomaker.tasks.worldforge.materials.textures import texture_size_m
 

@@ -136,9 +136,13 @@ def test_pictures_are_small_and_png_and_mujoco_sees_their_colours(house: Path) -
     assert sum(path.stat().st_size for path in house.rglob("*") if path.is_file()) < 1_000_000
 
 
+@pytest.mark.deep
+def test_it_has_pictures(house: Path, world: World, tmp_path: Path) -> None:
+    assert len(write_pictures(world, house, tmp_path / "pictures")) == 4
+
+
 def test_it_can_be_looked_at_proved_and_exported(house: Path, world: World, tmp_path: Path) -> None:
     assert b"<html" in viewer_page(house, "house").encode().lower()
-    assert len(write_pictures(world, house, tmp_path / "pictures")) == 4
     checks = prove(world, house)
     assert violations(checks) == []
     write_export_zip({"house": house}, tmp_path / "export.zip")

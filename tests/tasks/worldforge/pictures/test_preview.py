@@ -9,11 +9,12 @@ from PIL import Image
 from scipy import ndimage
 
 from prefect_robomaker.schemas.worlds.world import FLOOR_MATERIALS, World
+from prefect_robomaker.tasks.worldforge.decor.faces import walls_of_windows, window_heights
 from prefect_robomaker.tasks.worldforge.generator import generate_world
 from prefect_robomaker.tasks.worldforge.pictures import preview
 from prefect_robomaker.tasks.worldforge.pictures.preview import HEIGHT, WIDTH, render_preview
 from prefect_robomaker.tasks.worldforge.pictures.preview_labels import readable, with_labels
-from prefect_robomaker.tasks.worldforge.pictures.preview_raster import LightMap, Raster, View
+from prefect_robomaker.tasks.worldforge.pictures.preview_raster import CUT, Block, LightMap, Palette, Raster, View
 from prefect_robomaker.tasks.worldforge.pictures.preview_things import things_from_above
 
 from ..conftest import MakeBody
@@ -120,13 +121,57 @@ def test_steep_and_level_edges_have_five_shades() -> None:
 
 
 def test_shadows_have_soft_edges_without_steps() -> None:
-    light = LightMap.of([(1.0, 1.0, 1.2, 3.0, 1.0)], (0.0, 0.0, 4.0, 4.0))
+    light = LightMap.of([Block(1.0, 1.0, 1.2, 3.0, 1.0)], (0.0, 0.0, 4.0, 4.0))
     x, y = (axis.astype(np.float32) for axis in np.meshgrid(np.arange(1.3, 3.0, 0.01), np.arange(1.6, 2.2, 0.01)))
     bright = light.brightness(x, y, np.zeros_like(x), np.ones_like(x))
     assert bright.max() - bright.min() > 0.3
-    assert np.abs(np.diff(bright, axis=1)).max() < 0.05
+    assert np.abs(np.diff(bright, axis=1)).max() < 0.08
     # The wall runs north, so that its shadow's edge does: nothing changes along it.
     assert np.abs(np.diff(bright, axis=0)).max() < 0.01
+
+
+def test_the_floor_before_a_wall_on_its_lit_side_is_dark_at_the_wall_alone() -> None:
+    light = LightMap.of([Block(1.0, 1.0, 1.2, 3.0, 1.2)], (0.0, 0.0, 4.0, 4.0))
+    x = np.linspace(0.0, 0.98, 99, dtype=np.float32)
+    bright = light.brightness(x, np.full_like(x, 2.0), np.zeros_like(x), np.ones_like(x))
+    assert bright[-1] < 0.75
+    assert bright[x < 0.55].min() > 0.99
+    assert bright[x < 0.85].min() > 0.93
+
+
+def test_a_turned_block_darkens_the_floor_below_it() -> None:
+    light = LightMap.of([Block(1.0, 1.9, 3.0, 2.1, 0.5, np.pi / 2)], (0.0, 0.0, 4.0, 4.0))
+    x, y = np.array((2.0, 2.0, 1.1), np.float32), np.array((1.2, 2.8, 2.0), np.float32)
+    south, north, west = light.brightness(x, y, np.zeros_like(x), np.ones_like(x))
+    assert max(south, north) < 0.75
+    assert west > 0.98
+
+
+def test_cut_walls_have_a_thin_outline_all_round() -> None:
+    raster = Raster(VIEW)
+    raster.parallelogram((-1.5, -1.5, 0.0), (3, 0, 0), (0, 3, 0), 2)
+    raster.parallelogram((-0.5, -0.5, 0.0), (1, 0, 0), (0, 1, 0.001), CUT)
+    lit = np.full((100, 100, 3), 200, np.uint8)
+    preview._draw_outlines(raster, lit)
+    dark: Any = ndimage.label(lit[25:75, 25:75, 0] < 190)  # not the outer face's own outline
+    ring, count = dark
+    assert count == 1
+    assert 0.03 < (ring > 0).mean() < 0.12
+    assert lit[50, 50, 0] == 200
+
+
+def test_a_wall_is_cut_to_the_sills_of_its_windows_and_a_low_one_bears_their_signs(flat: World) -> None:
+    plan, sill = flat.floorplan, window_heights(flat)[0]
+    tops = {True: set[float](), False: set[float]()}
+    for wall in walls_of_windows(flat).values():
+        raster = Raster(VIEW)
+        is_low = preview._top_m(wall, flat) < sill
+        tops[is_low] |= {block.height for block in preview._draw_wall(wall, flat, raster, Palette())}
+    assert tops == {True: {preview._NEAR_CUT_M}, False: {preview._CUT_M, sill}}
+    blue = pixels(flat)
+    windowless = pixels(flat.model_copy(update={"floorplan": plan.model_copy(update={"windows": []})}))
+    changed: Any = ndimage.label(ndimage.binary_dilation(np.abs(blue - windowless).max(axis=2) > 12, iterations=2))
+    assert changed[1] >= len(plan.windows)
 
 
 def test_a_label_covers_no_furniture_and_is_smaller_where_little_floor_is_free(flat: World) -> None:

@@ -5,7 +5,15 @@ import numpy as np
 import pytest
 
 from prefect_robomaker.tasks.worldforge.pictures.ray_casting import Camera, Hits, RayCaster
-from prefect_robomaker.tasks.worldforge.pictures.ray_light import Lamp, LightGrid, Lighting, slots_of, soft_light
+from prefect_robomaker.tasks.worldforge.pictures.ray_light import (
+    STEP,
+    Corners,
+    Lamp,
+    LightGrid,
+    Lighting,
+    slots_of,
+    soft_light,
+)
 from prefect_robomaker.tasks.worldforge.pictures.room_lights import Opening, Sun
 
 WIDTH, HEIGHT = 480, 360
@@ -16,13 +24,14 @@ BOX_ON_FLOOR = """<mujoco><worldbody>
 
 
 def light_of(lighting: Lighting) -> tuple[np.ndarray, np.ndarray]:
-    """Light at the grid's pixels, and their places, seen from above the south."""
+    """Light at the grid's pixels with the shade of corners, and their places, seen from above the south."""
     caster = RayCaster(mujoco.MjModel.from_xml_string(BOX_ON_FLOOR))  # pyright: ignore[reportAttributeAccessIssue]
     camera = Camera((0.0, -2.0, 1.5), np.pi / 2, -0.6, 70.0)
     rows, columns = (axis.ravel().astype(float) for axis in np.mgrid[0:HEIGHT, 0:WIDTH])
     hits = caster.hits(camera.place, camera.rays(WIDTH, HEIGHT, columns, rows))
     grid = LightGrid.cast(caster, hits, lighting, (HEIGHT, WIDTH))
-    return grid.light.mean(axis=1), grid.hits.places
+    share = Corners.cast(hits, lighting, (HEIGHT, WIDTH)).share.reshape(HEIGHT, WIDTH)[::STEP, ::STEP]
+    return grid.light.mean(axis=1) * share.ravel(), grid.hits.places
 
 
 def floor_near(places: np.ndarray, low: float, high: float) -> np.ndarray:
@@ -39,6 +48,21 @@ def test_a_box_takes_light_from_the_floor_before_it_and_not_from_far_away() -> N
     assert far.min() > 0.97
     plain, _ = light_of(Lighting([], ambient=(1.0, 1.0, 1.0)))
     assert plain[floor_near(places, 0.0, 1.0)] == pytest.approx(1.0)
+
+
+def test_the_shade_where_a_box_stands_is_narrow_and_has_no_grain() -> None:
+    caster = RayCaster(mujoco.MjModel.from_xml_string(BOX_ON_FLOOR))  # pyright: ignore[reportAttributeAccessIssue]
+    camera = Camera((0.0, -2.0, 1.5), np.pi / 2, -0.6, 70.0)
+    rows, columns = (axis.ravel().astype(float) for axis in np.mgrid[0:HEIGHT, 0:WIDTH])
+    hits = caster.hits(camera.place, camera.rays(WIDTH, HEIGHT, columns, rows))
+    corners = Corners.cast(hits, Lighting([], shaded_m=0.5), (HEIGHT, WIDTH))
+    foot, near = (floor_near(hits.places, *span) for span in ((0.0, 0.015), (0.12, 0.135)))
+    assert corners.share[foot].mean() < corners.share[near].mean() - 0.15
+    # Along the box nothing changes.
+    assert corners.share[near].std() < 0.02
+    # Between pixels, a place has the shade of those of its own surface.
+    between = corners.at(hits[foot], rows[foot] + 0.4, columns[foot] - 0.4)
+    assert np.abs(between - corners.share[foot]).max() < 0.2
 
 
 def test_the_shadow_of_a_lamp_that_is_wide_has_a_soft_edge() -> None:

@@ -33,7 +33,9 @@ def test_the_bundles_own_preview_is_taken_and_each_room_has_a_file(
 
     monkeypatch.setattr(viewer_page, "room_picture", drawn)  # what it draws is told by its own tests
     (tmp_path / "preview.png").write_bytes(b"as it was stored")
-    files = write_pictures(flat, tmp_path, tmp_path / "new" / "pictures")
+    told: list[str] = []
+    files = write_pictures(flat, tmp_path, tmp_path / "new" / "pictures", told.append)
+    assert told == [f"picture {number} of 6: {path.name}" for number, path in enumerate(files, 1)]
     assert files[1].read_bytes() == b"as it was stored"
     assert [path.name for path in files[:3]] == ["floorplan.svg", "preview.png", "room-1-Living_Room.png"]
     assert ElementTree.parse(files[0]).getroot().tag.endswith("svg")

@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING
 
 from ....arguments import add_output, finite_numbers
 from ....inputs.options import open_service
+from ....inputs.world_names import add_name, tell_same, world_name
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ......schemas.templates.drawing_notes import DrawingNotes
-    from ......tasks.catalog import Resource
     from ......tasks.worldforge.drawings.drawing_import import Source
     from ......tasks.worlds.launch_starts import LaunchStart
     from ......tasks.worlds.workspaces import Workspace
@@ -40,10 +40,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
         help="plan.svg or plan.dxf, a map for Nav2, map.yaml, a world for Gazebo, x.world or x.sdf, or a workspace or "
         "bundle with such worlds",
     )
-    parser.add_argument(
-        "--name",
-        help="the world's name, by which commands, reports and the console know it (default: it is called by its id)",
-    )
+    add_name(parser)
     parser.add_argument("--notes", metavar="FILE", help="YAML file beside the drawing (default: PLAN with .yaml)")
     parser.add_argument(
         "--scale", metavar="M", help='metres for one unit of the drawing, or a scale on paper such as "1:50"'
@@ -85,7 +82,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from ......tasks.worlds.workspaces import is_workspace
     from ....output.world_facts import print_kept
 
-    plan, arguments.name = Path(arguments.plan), _name(arguments.name)
+    plan, arguments.name = Path(arguments.plan), world_name(arguments.name)
     if is_workspace(plan):
         arn = _keep_of_workspace(arguments)
     elif arguments.world is not None:
@@ -161,7 +158,7 @@ def _keep_drawn(arguments: argparse.Namespace) -> str:
     has_notes = arguments.notes or (drawing.suffix.lower() in READERS and beside.is_file())
     source = Source(drawing, beside if has_notes else None)
     world = import_world(source, _notes(source, arguments.scale), _seed(arguments.seed))
-    return keep_world(world, "import", {}, open_service(), name=arguments.name, tell=_tell_same).arn
+    return keep_world(world, "import", {}, open_service(), name=arguments.name, tell=tell_same).arn
 
 
 def _keep_gazebo(
@@ -200,24 +197,8 @@ def _keep_gazebo(
         {},
         service,
         name=arguments.name,
-        tell=_tell_same,
+        tell=tell_same,
     ).arn
-
-
-def _tell_same(world: "Resource") -> None:
-    import sys
-
-    sys.stderr.write(f"{world.id} has this name and the same content already; no other world is made.\n")
-
-
-def _name(text: str | None) -> str | None:
-    from ......schemas.reports.names import given_world_name
-    from ......schemas.wire.errors import ConfigurationError
-
-    try:
-        return text if text is None else given_world_name(text)
-    except ValueError as error:
-        raise ConfigurationError(f"--name {text!r}: {error}") from error
 
 
 def _folder(name: str) -> Path:

@@ -1,6 +1,8 @@
 """Print a world's plan, what was proven of it, and which wishes it misses."""
 
 import argparse
+import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker world show`: prints facts about a world; with `--pictures` it writes pictures into a folder."""
     from ....inputs.world_lookup import find_world
+    from ....output.answers import duration
     from ....output.world_facts import fact_lines, print_world, world_facts
 
     found = find_world(arguments.world)
@@ -26,6 +29,13 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.pictures:
         from ......tasks.worldforge.viewer.viewer_page import write_pictures
 
-        facts["pictures"] = [str(path) for path in write_pictures(found.world, found.folder, Path(arguments.pictures))]
+        began_s = time.monotonic()
+
+        def tell(line: str) -> None:
+            sys.stderr.write(f"[{duration(time.monotonic() - began_s):>12}] {line}\n")
+            sys.stderr.flush()
+
+        written = write_pictures(found.world, found.folder, Path(arguments.pictures), tell)
+        facts["pictures"] = [str(path) for path in written]
     print_world(arguments.output, facts, fact_lines(facts))
     return 0

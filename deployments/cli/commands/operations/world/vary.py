@@ -3,6 +3,7 @@
 The new world is stored beside the other one, says what differs, and is proved anew: it may break guarantees that the
 other one keeps, such as that a robot reaches every room. Worlds that were imported from Gazebo are varied in light,
 friction, and loose bodies that are moved or gone.
+A variation under a name that a world with the same content has is that world; the name of another world is refused.
 Exit code 0: all guarantees hold; 1: stored, some do not hold; 2: there is no such door or piece.
 """
 
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, get_args
 
 from ....arguments import add_output, add_world, finite_numbers
 from ....inputs.options import open_service
+from ....inputs.world_names import add_name, tell_same, world_name
 
 if TYPE_CHECKING:
     from ......tasks.worldforge.generator import Move
@@ -53,6 +55,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
         help="sliding friction of a piece, or of all, against whatever touches it; "
         "for worlds that were imported from Gazebo",
     )
+    add_name(parser)
     add_output(parser, "text", "json")
 
 
@@ -70,9 +73,11 @@ def execute(arguments: argparse.Namespace) -> int:
     _check_once("--shut, --open", [name for name, _ in doors])
     _check_once("--move, --remove", [*(name for name, _ in arguments.move), *arguments.remove])
     _check_once("--friction", [name for name, _ in arguments.friction])
+    name = world_name(arguments.name)
     found = find_world(arguments.world)
     wanted = Wanted(dict(doors), dict(arguments.move), arguments.remove, arguments.light, dict(arguments.friction))
-    return print_kept(keep_variation(found.folder, wanted, found.arn, open_service()).arn, arguments.output)
+    kept = keep_variation(found.folder, wanted, found.arn, open_service(), name=name, tell=tell_same)
+    return print_kept(kept.arn, arguments.output)
 
 
 def _check_once(options: str, names: list[str]) -> None:

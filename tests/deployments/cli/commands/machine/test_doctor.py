@@ -3,17 +3,22 @@
 import json
 import re
 import tomllib
+import uuid
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.night_records import make_night, store_night
 from helpers.paths import REPOSITORY
 from packaging.requirements import Requirement
 
 from prefect_robomaker.deployments.cli import doctor_checks
 from prefect_robomaker.deployments.cli.version_conflicts import CONFLICTS, Conflict, conflicts_among
-from prefect_robomaker.schemas.reports.run_record import Order
+from prefect_robomaker.schemas import extras
+from prefect_robomaker.schemas.reports.run_record import BEFORE_STEPS, Order, StepRecord
 from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.tasks.nights.missed_nights import note_schedule
 from prefect_robomaker.tasks.nights.open_runs import OpenRun
 
 
@@ -190,14 +195,19 @@ def test_what_only_some_jobs_need_is_told_and_is_no_fault(tmp_path: Path, monkey
     none = doctor_checks.check_extras()
     assert none.health == "ok"
     assert "docker is not installed; podman is not installed" in none.found
-    assert "no ROS launch files" in none.found
+    assert "missing: ROS launch files: neither roslaunch nor ros2 is on the path" in none.found
+    assert re.search(r"^there: .*extras .*ros \(bridge to ROS 2 by cyclonedds\)", none.found, re.MULTILINE)
 
     for name in ("podman", "ros2"):
         (tmp_path / name).write_text("#!/bin/sh\necho 5.0\n")
         (tmp_path / name).chmod(0o755)
     some = doctor_checks.check_extras()
     assert f"container images by {tmp_path / 'podman'}" in some.found
-    assert "ROS launch files by ros2" in some.found
+    assert re.search(r"^there: .*ROS launch files by ros2", some.found, re.MULTILINE)
+    monkeypatch.setattr(extras, "_is_installed", lambda package: package != "cyclonedds")
+    lacking = doctor_checks.check_extras().found
+    how = extras.how_to_install("ros")
+    assert f"missing: extras ros (bridge to ROS 2 by cyclonedds); the first is added by: {how}" in lacking
 
 
 @pytest.mark.deep
@@ -219,6 +229,23 @@ def test_a_backend_that_there_is_not_is_refused_before_anything_is_looked_at(rob
     assert refused.code == 2
     assert "slurm:somewhere" in refused.err
     assert "dask" in refused.err
+
+
+def test_scheduled_runs_that_broke_before_their_jobs_are_named(settings: Settings) -> None:
+    now = datetime.now(UTC)
+    note_schedule(settings.home, str(uuid.uuid4()), "nightly", now)
+    refused = StepRecord(name=BEFORE_STEPS, operation="RunPipeline", status="Failed", error="no such robot")
+    failed = StepRecord(name="robot", operation="CreateRobotApplication", status="Failed", error="no archive")
+    for night, steps in enumerate(([refused], [failed])):
+        record = make_night("", night, runs=settings.home / "runs")
+        store_night(record.model_copy(update={"state": "broken", "steps": steps, "started_at": now}))
+
+    found = doctor_checks.broken_nights(settings, now - timedelta(days=7))
+
+    moment = f"on {now.day} {now:%B} ({now:%H:%M} UTC)"
+    assert sorted(found) == [
+        f"nightly: broken {moment}: step robot: no archive", f"nightly: refused {moment}: no such robot"
+    ]  # fmt: skip
 
 
 def test_a_run_whose_process_died_is_named_with_what_finishes_it(settings: Settings) -> None:

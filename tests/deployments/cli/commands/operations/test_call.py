@@ -69,6 +69,7 @@ def test_refusals_name_the_error_or_the_place(robomaker) -> None:
     wrong = robomaker("call", "DescribeWorld", "--input", '{"wold": "arn:x"}')
     assert wrong.code == 2
     assert "--input:1:2: wold: is not known; did you mean 'world'?" in wrong.err
+    assert wrong.err.endswith("; nothing was run; docs/operations.md has each operation with an example\n")
     unknown = robomaker("call", "DescribeWolrd")
     assert unknown.code == 2
     assert "did you mean 'DescribeWorld'?" in unknown.err
@@ -92,7 +93,8 @@ def test_a_job_is_only_stored_and_that_is_said(robomaker, template: str) -> None
 
 def test_what_a_job_waits_for_on_this_machine_is_said_beside_its_description(robomaker, home) -> None:
     request = {"maxJobDurationInSeconds": 60, "iamRole": "arn:aws:iam::000000000000:role/test"}
-    launch = [{"application": "indoor-navigation", "launchConfig": {}}]
+    world = {"world": "arn:aws:robomaker:us-east-1:000000000000:world/import-1/world-1"}
+    launch = [{"application": "indoor-navigation", "launchConfig": {}, "worldConfigs": [world]}]
     order = json.dumps({"createSimulationJobRequests": [{**request, "simulationApplications": launch}]})
     arn = json.loads(robomaker("call", "StartSimulationJobBatch", "--input", order).out)["arn"]
     record = WaiterRecord(pid=1, name="request 0 of it", batch=arn, since_s=time.time() - 65.0, why="no memory is left")
@@ -110,12 +112,16 @@ def test_a_job_can_be_carried_to_its_end(robomaker_at_server) -> None:
         "iamRole": "arn:aws:iam::000000000000:role/test",
         "robotApplications": [{"application": "scout", "launchConfig": {}}],
     }
+    impossible = robomaker_at_server("call", "CreateSimulationJob", "--input", json.dumps(request))
+    assert (impossible.code, "scout plans on the map of a world and the job names none" in impossible.err) == (2, True)
+
+    request["robotApplications"] = [{"application": "scout", "launchConfig": {"command": ["./nothing"]}}]
     stored = json.loads(robomaker_at_server("call", "CreateSimulationJob", "--input", json.dumps(request)).out)
     assert stored["status"] == "Pending"
     ended = robomaker_at_server("perform", stored["arn"])
     answer = json.loads(ended.out)
-    # Nothing says which world to drive in: the job fails, not the call.
-    assert (answer["status"], answer["failureCode"]) == ("Failed", "InvalidInput")
+    # There is no such command: the job fails, not the call.
+    assert answer["status"] == "Failed"
     assert ended.code == 3
     refused = robomaker_at_server("perform", "arn:aws:robomaker:us-east-1:000000000000:world/x")
     assert refused.code == 2

@@ -3,6 +3,7 @@
 import hashlib
 import io
 import json
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -82,7 +83,11 @@ def test_pictures_are_put_where_they_are_wanted(
         viewer_page, "room_picture", lambda world, room: f"{len(world.floorplan.rooms)} {room}".encode()
     )
     folder = tmp_path / "pictures"
-    facts = json.loads(robomaker("world", "show", bundle, "--pictures", folder, "-o", "json").out)
+    shown = robomaker("world", "show", bundle, "--pictures", folder, "-o", "json")
+    facts = json.loads(shown.out)
+    assert re.findall(r"\] (picture . of 4): (\S+)", shown.err) == [
+        (f"picture {number} of 4", Path(path).name) for number, path in enumerate(facts["pictures"], 1)
+    ]
     assert len(facts["pictures"]) == 4
     assert sorted(facts["pictures"]) == sorted(str(path) for path in folder.iterdir())
     assert (folder / "room-1-living_room.png").read_text() == "2 living room"

@@ -35,8 +35,12 @@ def test_an_imported_flat_is_listed_described_shown_varied_exported_and_deleted(
     assert robomaker("world", "prove", arn).code == 0
     assert robomaker("world", "view", arn, "--html", tmp_path / "view.html").code == 0
 
-    varied = robomaker("world", "vary", arn, "--open", "Hall/Bathroom", "-o", "json")
+    varied = robomaker("world", "vary", arn, "--open", "Hall/Bathroom", "--name", "open flat", "-o", "json")
     facts = json.loads(varied.out)
+    assert (
+        robomaker("world", "show", "open flat", "-o", "json").out
+        == robomaker("world", "show", facts["arn"], "-o", "json").out
+    )
     assert (varied.code, facts["proven"], facts["closed_off_rooms"]) == (0, True, [])
     assert facts["variation"]["of_world"] == arn
     assert facts["variation"]["changes"] == [

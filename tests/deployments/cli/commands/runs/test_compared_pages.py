@@ -58,6 +58,18 @@ def test_many_pairs_are_a_page_with_cards_of_those_that_changed(robomaker: Any, 
     assert re.findall(r'(?:src|href)="(?!#|data:)[^"]*"', text) == []
 
 
+def test_a_page_says_which_run_is_worse_and_which_is_newer(robomaker: Any, home: Path, tmp_path: Path) -> None:
+    for night, letters in enumerate(("P" * 8, "F" * 8)):
+        store_night(make_night(letters, night, runs=home / "runs"))
+    first, second = sorted(folder.name for folder in (home / "runs").iterdir())
+    page = tmp_path / "compared.html"
+    robomaker("compare", first, second, "--report", page)
+    assert "<strong>B passes less often than A, by more than chance</strong>" in page.read_text()
+    assert "is the newer run" not in page.read_text()
+    robomaker("compare", second, first, "--report", page)
+    assert f"A, {second}, is the newer run: what changed since is told backwards." in page.read_text()
+
+
 def test_two_values_of_an_axis_are_compared_within_one_run(robomaker: Any, axes: str, tmp_path: Path) -> None:
     page = tmp_path / "robots.html"
     told = robomaker("compare", axes, "--axis", "robot=rover", "--report", page)
@@ -241,7 +253,7 @@ def test_worlds_of_an_axis_are_named_as_in_the_report_and_have_its_answer(roboma
     ]
     run = make_night(jobs, runs=home / "runs")
     store_night(run)
-    [axis] = axis_results(NightRun.of(run), {})
+    [axis] = axis_results(NightRun.of(run), {}, between_worlds=True)
     [arm] = axis.comparisons
 
     told = robomaker("compare", run.run_id, "--axis", f"place={arm.value}")

@@ -5,9 +5,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from helpers.night_records import make_night, store_night
+from helpers.night_records import make_night, make_trials_night, store_night
 
 from prefect_robomaker.schemas.reports.history import History
+from prefect_robomaker.tasks.inspection.run_records import write_record
 
 
 @pytest.fixture
@@ -50,7 +51,20 @@ def test_without_a_name_it_lists_the_specifications_that_have_runs(robomaker: An
     ]
     listed = json.loads(robomaker("history", "-o", "json").out)["specifications"]
     assert [each["name"] for each in listed] == ["nightly", "nightly-long"]
+    make_trials_night(("PPP", "PP"), name="trials", runs=home / "runs")
+    assert [line.partition("02:00  ")[2] for line in robomaker("history").out.splitlines()[2:]] == [
+        "passed, 2 of 2 jobs passed (5 of 5 trials passed)"
+    ]
     assert "--to is for the page of one" in robomaker("history", "--to", "x.html").err
+
+
+def test_the_list_says_that_a_run_took_over_its_results(robomaker: Any, home: Path) -> None:
+    record = make_trials_night(("PPP", "PF"), 1, runs=home / "runs")
+    jobs = [job.model_copy(update={"reused_from": "nightly-20260301T020000000"}) for job in record.jobs]
+    write_record(record.model_copy(update={"jobs": jobs}))
+    assert robomaker("history").out == "nightly  2026-03-02 02:00  succeeded, 1 of 2 jobs passed, taken over\n"
+    (listed,) = json.loads(robomaker("history", "-o", "json").out)["specifications"]
+    assert listed["taken_over"] == 2
 
 
 def test_a_run_alone_is_compared_with_the_run_before_it(robomaker: Any, nights: None) -> None:

@@ -36,7 +36,7 @@ def test_the_page_is_true(
     judged, _, history = [robomaker_at_server(*words) for words in commands]
 
     assert judged.code == 0, judged.err + judged.out
-    assert 'name="request 1 recorded-run"' in (tmp_path / "junit.xml").read_text()
+    assert "test: request 1 recorded-run" in (tmp_path / "junit.xml").read_text()
     assert "100" in history.out
     [result] = [json.loads(path.read_text()) for path in home.rglob("result.json")]
     assert {each["name"]: each["satisfied"] for each in result["requirements"]} == dict.fromkeys(

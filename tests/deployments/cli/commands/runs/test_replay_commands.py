@@ -1,12 +1,16 @@
 """`robomaker verify` and `robomaker repro`: what they print, and their exit codes."""
 
 import json
+import shutil
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.paths import BUNDLES
 from helpers.swing_fixtures import outputs_of
 
+from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
 
@@ -81,3 +85,26 @@ def test_repro_says_what_to_run(robomaker: Any, swing: Any, tmp_path: Path, monk
     again = robomaker("repro", job["arn"], "--to", test.parent)
     assert (again.code, again.out) == (2, "")
     assert "holds a reproduction already; name another folder" in again.err
+
+
+def test_repro_says_which_module_is_not_found_and_how_to_give_its_folder(
+    robomaker: Any, swing: Any, service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It said that the rerun failed, that this is not how the run ended, and that the application is another one."""
+    folder = tmp_path / "own"
+    shutil.copytree(BUNDLES / "swinger" / "swinger", folder / "own_arm")
+    path = [*sys.path]
+    monkeypatch.syspath_prepend(folder)
+    monkeypatch.setenv("PYTHONPATH", str(folder))
+    own = {"name": "own", "environment": {"uri": "python://own_arm"}, "robotSoftwareSuite": {"name": "General"}}
+    call("CreateRobotApplication", own, service)
+    job = swing(robot={"application": "own", "launchConfig": {"launchFile": "make_agent"}})
+    monkeypatch.delenv("PYTHONPATH")
+    monkeypatch.setattr(sys, "path", path)
+
+    shown = robomaker("repro", job["arn"], "--no-video", "--to", tmp_path / "repro")
+
+    assert shown.code == 2
+    assert "the Python module own_arm of the robot application own is not found; install it, or name" in shown.err
+    assert "PYTHONPATH=FOLDER robomaker repro" in shown.err
+    assert not (tmp_path / "repro").exists()

@@ -1,6 +1,7 @@
 """report: the numbers of a run, for people, programs and CI systems."""
 
 import json
+import shutil
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -69,6 +70,25 @@ def test_markdown_has_the_run_in_its_first_lines(robomaker: Any, record: Path, t
     assert "--markdown without a file and -o json both print" in both.err
 
 
+def test_the_report_of_a_copied_home_is_written_into_the_copy(
+    robomaker: Any, record: Path, home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    copy = tmp_path / "copy"
+    shutil.copytree(home, copy)
+    before = {path.name: path.stat().st_mtime_ns for path in record.iterdir()}
+    monkeypatch.setenv("ROBOMAKER_HOME", str(copy))
+
+    told = robomaker("report", "night-1", "-o", "json")
+
+    assert (told.code, told.err) == (0, "")
+    assert json.loads(told.out)["report_path"] == str(copy / "runs" / record.name / "report.html")
+    assert (copy / "runs" / record.name / "report.html").is_file()
+    assert {path.name: path.stat().st_mtime_ns for path in record.iterdir()} == before
+    shutil.rmtree(home)
+    assert robomaker("report", "night-1").code == 0
+    assert not home.exists()
+
+
 def test_a_junit_file_needs_a_folder_that_exists(robomaker: Any, record: Path) -> None:
     told = robomaker("report", "--junit", "/nowhere/junit.xml")
     assert told.code == 2
@@ -86,7 +106,7 @@ def test_a_batch_of_a_pass_a_fail_and_an_error(
 
     ended = robomaker_at_server("run", spec)
     assert ended.code == 3, ended.err
-    assert "poles: broken, 1 of 2 verdicts pass, 1 broke," in ended.out
+    assert "poles: broken, 1 of 3 jobs passed, 1 broke," in ended.out
     told = robomaker_at_server("report", "--junit", junit, "-o", "json")
     summary = json.loads(told.out)
     assert summary["counts"] == {"broken": 1, "failed": 1, "passed": 1}

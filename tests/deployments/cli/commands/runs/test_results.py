@@ -25,7 +25,7 @@ def test_it_writes_the_latest_run_and_says_how_that_stands(robomaker: Command, h
     ended = robomaker("results", "--to", path)
 
     assert (ended.code, ended.out) == (0, f"{path}\n")
-    assert ended.err == f"{run_id}: broken: 1 of 2 verdicts pass, 1 broke; 3 rows\n"
+    assert ended.err == f"{run_id}: broken: 1 of 3 jobs passed, 1 broke; 3 rows\n"
     assert pq.read_table(path)["outcome"].to_pylist() == ["passed", "failed", "broken"]
 
 

@@ -165,11 +165,48 @@ steps:
     ended = robomaker("deploy", path, "--pool", pool)
 
     assert ended.code == 0
-    assert "has no s3://robomaker/applications/rover.tar.gz in the object store (step rover)" in ended.err
+    told = "warning: there is no object 's3://robomaker/applications/rover.tar.gz' in the object store"
+    (warning,) = [line for line in ended.err.splitlines() if "warning" in line]
+    assert f"{told} ({path}:8:" in warning
+    assert warning.endswith("; a run would be refused")
+    elsewhere = robomaker("deploy", path, "--pool", pool, "--env", "ROBOMAKER_OBJECT_STORE=/there")
+    assert "warning" not in elsewhere.err, "the runs have another store"
     assert (
         "- s3://robomaker/applications/rover.tar.gz"
         in client.read_deployment_by_name(f"RunPipeline/{pool}").description
     )
+
+
+JOB = """\
+version: 1
+name: {name}
+steps:
+  drive:
+    operation: CreateSimulationJob
+    input:
+      maxJobDurationInSeconds: 60
+      iamRole: arn:aws:iam::000000000000:role/test
+      robotApplications: [{{application: my-robot, launchConfig: {{}}}}]
+      simulationApplications:
+        - {{application: indoor-navigation, launchConfig: {{}}, worldConfigs: [{{world: gone}}]}}
+"""
+
+
+def test_what_no_catalog_has_is_told_before_the_night(
+    robomaker: Robomaker, client: Any, pool: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "night.yaml"
+    path.write_text(JOB.format(name=f"night-{uuid.uuid4().hex[:8]}"))
+
+    ended = robomaker("deploy", path, "--pool", pool, "--schedule", "0 2 * * *")
+
+    assert ended.code == 0, ended.err
+    assert deployed(client, path).name in ended.out
+    (warning,) = [line for line in ended.err.splitlines() if "warning" in line]
+    assert f"warning: there is no robot application 'my-robot' ({path}:9:41); 'gone' is neither ARN" in warning
+    assert warning.endswith(f"({path}:11:85); its next run would be refused")
+    elsewhere = robomaker("deploy", path, "--pool", pool, "--env", "ROBOMAKER_CATALOG_URL=sqlite:////there/catalog.db")
+    assert "warning" not in elsewhere.err, "the runs ask another catalog"
 
 
 @pytest.mark.deep

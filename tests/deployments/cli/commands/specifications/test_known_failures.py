@@ -33,9 +33,9 @@ def test_a_known_failure_is_judged_and_shown_and_a_new_one_is_red(
     known = robomaker_at_server("run", spec(KNOWN + poles(MISSES, "seed: 1")))
 
     assert known.code == 0, known.err
-    assert "poles: succeeded, 1 of 2 verdicts pass, 1 failure known, after" in known.out
+    assert "poles: succeeded, 1 of 2 jobs passed, 1 failure known, after" in known.out
     assert "known, anna until 2999-01-01: ticket 512" in known.out
-    assert "the known failure of gone in any job (ben) did not occur" in known.out
+    assert "(ben) marks no failure: no job has a requirement `gone`; there are upright, quick" in known.out
     [run] = (home / "runs").iterdir()
     page = (run / "report.html").read_text()
     assert 'href="#known"' in page
@@ -53,7 +53,7 @@ def test_a_known_failure_is_judged_and_shown_and_a_new_one_is_red(
 
     assert new.code == 1, new.err
     assert "0 failures known" not in new.out
-    assert "poles: failed, 1 of 2 verdicts pass, after" in new.out
+    assert "poles: failed, 1 of 2 jobs passed, after" in new.out
 
 
 @pytest.mark.parametrize(

@@ -46,6 +46,8 @@ EARLY = AgainstAnswer(
         ({"probe": True}, ["--against", RUN], f"--against is {RUN}, which is a probe of a forecast, with smaller"),
         ({"probe": True, "challenge": Challenge(sabotages=[])}, ["--against", RUN],
          f"--against is {RUN}, which is a challenge, with robots that were sabotaged; a whole run would do"),
+        ({}, ["--against", RUN], f"--against is {RUN}, of which no job has the step, seed and axes of a job of poles, "
+         "so that there are no pairs; a run of the same specification would do"),
         ({"verdicts": "PPPFFFF"}, ["--against", RUN], "whose 7 trials cannot decide anything at --alpha 0.05"),
     ],
 )  # fmt: skip

@@ -1,6 +1,7 @@
 """validate and plan."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -119,6 +120,7 @@ steps:
           simulationApplications:
             - application: indoor-navigation
               launchConfig: {environmentVariables: {ROBOMAKER_SIM_TIME_LIMIT_S: "20"}}
+              worldConfigs: [{world: "arn:aws:robomaker:us-east-1:000000000000:world/import-1/world-1"}]
           trials: {seeds: 2, axes: {noise: {kind: lidar_noise_std_m, values: [0.01, 0.02]}}}
 """
 
@@ -128,12 +130,12 @@ def test_a_plan_says_how_many_trials_each_job_has_and_all_together(robomaker, sp
     assert "3 simulation jobs, one for each seed, 4 trials each, at most 1 min each" in told
     assert "\nin sum 3 simulation jobs × 4 trials = 12 trials, at most 4 min of simulated time\n" in told
 
-    # A limit that a trial varies, or that another simulation may ignore, is not known; jobs without trials have one.
+    # A limit that a trial varies, or that another simulation may ignore, is not known; jobs without trials have none.
     varied = TRIALS.replace("axes: {", 'axes: {ROBOMAKER_SIM_TIME_LIMIT_S: {kind: variable, values: ["9", "99"]}, ')
     assert "× 8 trials = 24 trials\n" in robomaker("plan", spec(varied)).out
     assert "= 12 trials\n" in robomaker("plan", spec(TRIALS.replace("indoor-navigation", "arena"))).out
     single = TRIALS.replace(TRIALS.splitlines()[-1], "")
-    assert "in sum 3 simulation jobs, 3 trials, at most 1 min of simulated time" in robomaker("plan", spec(single)).out
+    assert "in sum 3 simulation jobs, at most 1 min of simulated time\n" in robomaker("plan", spec(single)).out
 
 
 def test_a_plan_as_json(robomaker) -> None:
@@ -228,6 +230,92 @@ def test_a_plan_counts_worlds_where_they_have_several_trials(robomaker, spec, wo
     assert ("in each world, as now" in ended.out) == ("worlds" in test)
 
 
+SPEEDS = """\
+version: 1
+name: speeds
+steps:
+  drive:
+    operation: StartSimulationJobBatch
+    input:
+      createSimulationJobRequests:
+        axes:
+          speed: {values: ["0.3", "0.6"]}
+          world: {values: ["arn:1", "arn:2", "arn:3"]}
+          ANOTHER
+        seeds: SEEDS
+        value:
+          maxJobDurationInSeconds: 90
+          simulationApplications:
+            - application: indoor-navigation
+              launchConfig: {environmentVariables: {SPEED: "${{ speed }}", MARGIN: "MARGIN_VALUE"}}
+              worldConfigs: [{world: "${{ world }}"}]
+"""
+
+
+@pytest.mark.parametrize(
+    ("another", "seeds", "lines"),
+    [
+        ("", 1, ["drive.speed: 3 pairs; no difference of its values can be shown; 6 is the least"]),
+        (
+            'margin: {values: ["0.28", "0.19"]}',
+            1,
+            [
+                "drive.speed: 6 pairs; no difference of its values can be shown; 7 is the least",
+                "drive.margin: 6 pairs; no difference of its values can be shown; 7 is the least",
+            ],
+        ),
+        ("", 2, ["drive.speed: 6 pairs; a difference of its values can be shown; 6 is the least"]),
+    ],
+)
+def test_a_plan_says_whether_values_of_an_axis_can_be_told_apart(
+    robomaker, spec, another: str, seeds: int, lines: list[str]
+) -> None:
+    text = SPEEDS.replace("ANOTHER", another).replace("SEEDS", str(seeds))
+    text = text.replace("MARGIN_VALUE", "${{ margin }}" if another else "0.28")
+    path = spec(text)
+    out = robomaker("plan", path, "--detect", "10").out
+    assert [line.strip() for line in out.splitlines() if "of its values" in line] == lines
+    axes = json.loads(robomaker("plan", path, "--detect", "10", "-o", "json").out)["axes"]
+    assert [each["axis"] for each in axes] == ["speed", "margin"][: len(lines)]
+
+
+def test_a_plan_shows_no_difference_larger_than_the_share_of_pairs_that_differ(robomaker, spec) -> None:
+    path = spec(SPEEDS.replace("ANOTHER", "").replace("SEEDS", "1").replace("MARGIN_VALUE", "0.28"))
+    out = robomaker("plan", path, "--detect", "10").out
+    assert "they        show no difference where 20% of pairs differ; they would where 96.4% differ, all the" in out
+    for differ in ((), ("--differ", "20")):
+        out = robomaker("plan", path, "--detect", "20points", *differ).out
+        assert re.search("assumed: 20% of pairs differ.*; all of them go the same way\n", out)
+
+
+def way_to_more(out: str) -> str:
+    [line] = re.findall(r"too few\n  to get them (.*)\n", out)
+    return line
+
+
+def test_a_plan_says_which_number_of_the_file_gives_enough_trials(robomaker, spec) -> None:
+    path = spec(SPEEDS.replace("ANOTHER", "").replace("SEEDS", "2").replace("MARGIN_VALUE", "0.28"))
+    assert way_to_more(robomaker("plan", path, "--detect", "10").out) == "drive.seeds 28 instead of 2"
+
+    trials = SPEEDS.replace("value:\n", "value:\n          trials: {seeds: 4}\n")
+    several = spec(trials.replace("ANOTHER", "").replace("SEEDS", "1").replace("MARGIN_VALUE", "0.28"))
+    out = robomaker("plan", several, "--detect", "10").out
+    assert way_to_more(out) == "drive.seeds 7 instead of 1, or drive.trials.seeds 28 instead of 4"
+
+    quickstart = robomaker("plan", SPECS / "quickstart.yaml", "--detect", "10").out
+    assert way_to_more(quickstart) == "worlds.floorplanCount 84 instead of 2 (with ROBOMAKER_MAX_WORLDS_PER_JOB=168)"
+    assert "to get them" not in robomaker("plan", path, "--detect", "95").out, "it has enough"
+
+
+def test_a_plan_names_no_number_that_gives_no_more_worlds_where_worlds_decide(robomaker, spec) -> None:
+    """More seeds in the same worlds would answer nothing."""
+    path = spec(WORLDS.replace("WORLD", "${{ item }}"))
+    out = robomaker("plan", path, "--detect", "5").out
+    assert "the test that flips whole worlds" in out
+    way = r"worlds\.floorplanCount ([0-9]+) instead of [0-9]+ \(with ROBOMAKER_MAX_WORLDS_PER_JOB=\1\)"
+    assert re.fullmatch(way, way_to_more(out))
+
+
 def test_a_plan_says_how_many_trials_answer_a_question(robomaker, spec) -> None:
     """Trials of all jobs are counted; a job without trials is one."""
     path = spec("""\
@@ -242,7 +330,10 @@ steps:
         value:
           maxJobDurationInSeconds: 90
           trials: {seeds: 50}
-          simulationApplications: [{application: indoor-navigation, launchConfig: {}}]
+          simulationApplications:
+            - application: indoor-navigation
+              launchConfig: {}
+              worldConfigs: [{world: "arn:aws:robomaker:us-east-1:000000000000:world/import-1/world-1"}]
 """)
     ended = robomaker("plan", path, "--detect", "10points", "--margin", "10")
     assert (
@@ -333,3 +424,15 @@ def test_worlds_may_be_named_as_the_command_line_names_them(robomaker, spec, ser
         assert f"{path}:4:51: steps.look.input.world: 'flat 3' is neither ARN" in told.err
         assert "did you mean 'flat 2' or 'flat 1'?" in told.err
     assert "may be any of 2 worlds" in robomaker("validate", spec(NAMED.replace("flat 2", "generation-8285"))).err
+
+
+def test_problems_of_a_file_are_told_though_the_catalog_does_not_answer(
+    robomaker, spec, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = TRIALS.replace("maxJobDurationInSeconds", "maxJobDuration")
+    monkeypatch.setenv("ROBOMAKER_CATALOG_URL", "sqlite:////proc/none/catalog.db")
+    ended = robomaker(
+        "validate", spec(text.replace("arn:aws:robomaker:us-east-1:000000000000:world/import-1/world-1", "flat 3"))
+    )
+    assert ended.code == 2
+    assert "maxJobDuration" in ended.err

@@ -42,6 +42,7 @@ def test_visits_every_room_without_touching_anything(make_context) -> None:
     assert report.collisions == []
     assert all(room.visited for room in report.rooms)
     assert agent.given_up == []
+    assert agent.run_notes() == []
     assert report.metrics["sim_time_s"] < 40
     assert report.metrics["mean_speed_mps"] > 0.3
     assert len(report.path) <= 600
@@ -102,6 +103,7 @@ def test_gives_up_a_room_behind_a_blocked_door_and_says_so(make_context, caplog)
     report = environment.run_result()
     assert agent.given_up == ["living"]
     assert "gave up on living" in caplog.text
+    assert agent.run_notes() == ["scout gave up on living: no way there that the robot could drive"]
     assert {room.name: room.visited for room in report.rooms} == {"hall": True, "living": False, "kitchen": True}
     assert report.verdict == "FAIL"
     assert report.metrics["max_collision_force_N"] < 20

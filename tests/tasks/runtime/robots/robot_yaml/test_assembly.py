@@ -19,6 +19,7 @@ from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment 
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.navigation_task import NavigationTask
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.world_with_robot import assemble
 from prefect_robomaker.tasks.runtime.episode.context import ActionError
+from prefect_robomaker.tasks.runtime.process.attempt import log_failure
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
 from prefect_robomaker.tasks.runtime.robots.robot import Lidar, Robot
 from prefect_robomaker.tasks.runtime.robots.robot_lookup import find_robot
@@ -106,11 +107,24 @@ def test_a_footprint_that_is_too_small_and_measures_that_are_off_are_told(
     make_cart: MakeCart, caplog: pytest.LogCaptureFixture
 ) -> None:
     with caplog.at_level(logging.WARNING):
-        make_cart(footprint={"radius_m": 0.1}, drive=DRIVE | {"wheel_radius_m": 0.08, "track_width_m": 0.4})
-    said = " ".join(record.getMessage() for record in caplog.records)
-    assert "footprint.radius_m: parts reach up to 0.1" in said
-    assert "drive.wheel_radius_m is 0.08 m; in the model it is 0.050 m over the floor" in said
-    assert "drive.track_width_m is 0.4 m; in the model it is 0.200 m apart" in said
+        cart = make_cart(footprint={"radius_m": 0.1}, drive=DRIVE | {"wheel_radius_m": 0.1, "track_width_m": 0.4})
+    told = [
+        "robot.yaml: footprint.radius_m: the radius is 0.1 m; parts reach up to 0.15 m from the base's origin",
+        "robot.yaml: drive.track_width_m is 0.4 m; in the model the wheels are 0.200 m apart",
+        "robot.yaml: drive.wheel_radius_m is 0.1 m; in the model the wheels' axes are 0.050 m above the floor",
+    ]
+    assert [record.getMessage() for record in caplog.records] == told
+    assert list(cart.warnings) == told, "for notes beside the verdict"
+
+
+def test_a_mistake_in_robot_yaml_is_told_in_the_log_without_a_traceback(
+    make_cart: MakeCart, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(LaunchError) as refused:
+        make_cart(sensors={"lidar": {"at": "ey"}})
+    log_failure(refused.value)
+    said = "robot.yaml:13:15: sensors.lidar.at: there is no site or body 'ey'; did you mean 'eye'?"
+    assert capsys.readouterr().err == f"{said}\n"
 
 
 def test_a_round_robot_is_as_wide_as_its_circle(make_cart: MakeCart, caplog: pytest.LogCaptureFixture) -> None:

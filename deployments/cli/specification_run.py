@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import shlex
 import shutil
 import sys
 from collections.abc import Sequence
@@ -61,6 +62,13 @@ def carry_out(
                 record = run_beside_others(wanted, settings, heard)
             except RunInterrupted as interruption:
                 interrupted, record = interruption, interruption.record
+            except KeyboardInterrupt:  # once more, while the report was written, or before there was anything to tell
+                if wanted.is_probe:  # of other runs the next one, or `perform`, writes it
+                    again = shlex.join(wanted.repeated_by)
+                    listener(
+                        Note(f"there is no report, as the run was interrupted before it was written; again: {again}")
+                    )
+                raise
             else:
                 interrupted = None
         tell_after_outage(outage, settings)
