@@ -103,7 +103,7 @@ def show(visit: Visit) -> Response:
         standing=standing_of(job, visit.service),
         document=document,
         has_ended=has_ended,
-        has_run=PROVENANCE_FILE in files or (document.outputs is None and document.run_id is not None),
+        has_run=PROVENANCE_FILE in files or _keeps_records(job, document, visit),
         view=view,
         card=card,
         drive=drive,
@@ -233,6 +233,12 @@ def _frame(view: Page | None, timeline: JobTimeline | None) -> Frame | None:
         return world.frame
     path = finite_path(timeline.result)
     return Frame.around((x, y) for _, x, y in path) if path else None
+
+
+def _keeps_records(job: Resource, document: SimulationJobDocument, visit: Visit) -> bool:
+    """Returns whether this machine has the records of a run whose outputs could not be stored."""
+    run = _run_folder(job, visit)
+    return document.outputs is None and run is not None and (run / "output" / PROVENANCE_FILE).is_file()
 
 
 def _run_folder(job: Resource, visit: Visit) -> Path | None:

@@ -313,8 +313,8 @@ def spawn(
 
 
 def _why_not(error: BaseException, program: str, folder: Path) -> str:
-    if isinstance(error, OSError) and not folder.is_dir():
-        return f"its working directory {folder} does not exist"
+    if isinstance(error, OSError) and error.filename == str(folder):  # what confines the program fails otherwise
+        return f"its working directory {folder} cannot be entered: {error.strerror}"
     if isinstance(error, FileNotFoundError) and Path(program).is_file():
         return f"{program} is there, but not the interpreter that its first line names{_interpreter(Path(program))}"
     if isinstance(error, FileNotFoundError):

@@ -175,7 +175,7 @@ class TestEnds:
         self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan, tmp_path: Path
     ) -> None:
         _, reason = failure(launcher.run(plan_programs(program("", folder=tmp_path / "gone")), never))
-        assert f"its working directory {tmp_path / 'gone'} does not exist" in reason
+        assert f"its working directory {tmp_path / 'gone'} cannot be entered: No such file or directory" in reason
 
 
 class TestRunEnvironment:

@@ -16,8 +16,8 @@ from prefect_robomaker.tasks.service.service import Service
 GAIN = 'GAIN: "1"'
 GAINS = ("1", "0", "none", "1")
 """Gain of the robot of each job: one with a weak motor in some trials, one that falls, and one that is no number."""
-NO_DATA = "dataSources: [{name: map, s3Bucket: robomaker, s3Keys: [nowhere]}]"
-"""Members of a job that breaks before it runs."""
+NO_ARCHIVE = "dataSources: [{name: map, type: Archive, destination: /map, s3Bucket: robomaker, s3Keys: [map.zip]}]"
+"""Members of a job that breaks before it runs: the object is there, and is no archive."""
 FALLS = "trials: {seeds: 2, axes: {gain: {kind: motor_gain, values: [1.0, 0.1]}}}"
 """Members of a job with trials of which those with a weak motor fail."""
 
@@ -60,10 +60,12 @@ def test_each_command_that_a_failed_run_prints_runs_as_it_is_printed(
     monkeypatch.setenv("PYTHONPATH", str(PACKAGE))
     monkeypatch.syspath_prepend(str(PACKAGE))
     monkeypatch.chdir(tmp_path)
-    before, *jobs = re.split(r"^(?=        - max)", poles(FALLS, "seed: 1", "seed: 2", NO_DATA), flags=re.MULTILINE)
+    before, *jobs = re.split(r"^(?=        - max)", poles(FALLS, "seed: 1", "seed: 2", NO_ARCHIVE), flags=re.MULTILINE)
     gained = [job.replace(GAIN, f'GAIN: "{gain}"') for job, gain in zip(jobs, GAINS, strict=True)]
     spec = before + "".join(gained).replace('TIME_LIMIT_S: "0.5"', 'TIME_LIMIT_S: "3"')
     Path("poles.yaml").write_text(spec)
+    service.store.ensure_bucket("robomaker")
+    service.store.put_bytes("robomaker", "map.zip", b"no archive")
     ended = [robomaker_at_server("run", "poles.yaml") for _ in range(2)][-1]
     assert ended.code == 3, ended.err
     told = robomaker_at_server("report", "--markdown", "run.md")
