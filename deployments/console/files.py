@@ -4,6 +4,7 @@ import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path, PurePosixPath
 
 from starlette.responses import FileResponse
@@ -32,13 +33,30 @@ _HEADERS = {
     "cache-control": "private, max-age=300",
 }
 
+_MOST_LISTED = 1000
+"""Most files that are listed of a run without a manifest: one request to S3."""
+
 
 def published(place: StoredPlace | None, service: Service) -> dict[str, int]:
-    """Returns names and sizes (bytes) of a job's uploaded output files; empty without outputs or without a manifest."""
+    """Returns names and sizes (bytes) of a job's uploaded output files; empty without outputs.
+
+    They are those of its manifest. A run that broke has none: then they are the objects under its prefix.
+    """
     if place is None:
         return {}
     try:
         return {file.path: file.size_bytes for file in read_manifest(service.store, place.bucket, place.prefix).files}
+    except ObjectNotFoundError:
+        return _stored(place, service)
+    except StorageError:
+        return {}
+
+
+def _stored(place: StoredPlace, service: Service) -> dict[str, int]:
+    folder = join_key(place.prefix, "")
+    try:
+        found = islice(service.store.list(place.bucket, folder), _MOST_LISTED)
+        return {each.key.removeprefix(folder): each.size_bytes for each in found}
     except StorageError:
         return {}
 

@@ -22,7 +22,7 @@ from ...schemas.wire.common import counted
 from ...schemas.wire.errors import InvalidParameterException, StorageError
 from ..catalog import ClientToken, Resource
 from ..service.references import name_of_job, name_of_world
-from ..service.service import Service
+from ..service.service import Service, is_builtin
 from ..storage import read_manifest, removed_before
 from ..storage.object_store import join_key
 from .inputs.bundles import check_rooms
@@ -333,10 +333,16 @@ def bare_name(role: str, name: str) -> str:
 
 
 def _check_launch(launch: Mapping[str, Any], application: Resource, place: str) -> None:
-    """Raises `InvalidParameterException` for a launch configuration of an archive that names nothing to start.
+    """Raises `InvalidParameterException` if an archive's launch names nothing to start, or a built-in one's a file.
 
     The job worker tests the rest.
     """
+    named = [member for member in ("packageName", "launchFile") if launch.get(member)]
+    if named and is_builtin(application):
+        raise InvalidParameterException(
+            f"{place}.{named[0]}: {application.name} is built in, and starts without one; leave out "
+            f"{' and '.join(named)}, which say what of an archive of your own is started"
+        )
     has_archives = bool(ApplicationDocument.of(application).sources)
     if has_archives and not launch.get("command") and not (launch.get("packageName") and launch.get("launchFile")):
         raise InvalidParameterException(

@@ -171,7 +171,11 @@ def _poses(
         found = _read(place, name, service)
         if found.poses and fits(found.poses, path, timeline.end_s):
             return found
-        missing = found.missing or f"The places on {ODOMETRY} are not those of result.json."
+        missing = found.missing or (
+            f"The places on {ODOMETRY} are not those of result.json."
+            if path
+            else f"The run left no result.json, so nothing says that {ODOMETRY} is where the robot was."
+        )
     places = [Pose(time_s, x, y, None) for time_s, x, y in path]
     more = "The plan has the places of result.json, without headings." if places else "The plan shows no place."
     return RecordedPoses(places, f"{missing} {more}")

@@ -91,7 +91,7 @@ def log_tail(
 ) -> tuple[str, list[str]]:
     """Returns the name of the log that explains a failure best, and its last lines without colour codes.
 
-    That is the error log, or the output log if the error log is empty.
+    That is the error log, or the output log if the error log is empty or was written last a while before.
 
     Args:
         output_dir: The run's output folder.
@@ -101,9 +101,18 @@ def log_tail(
     most_output, most_errors = sizes if sizes is not None else (None, None)
     stdout, stderr = program_logs(program) if program else (STDOUT_LOG, STDERR_LOG)
     name, lines = stderr, _last_lines(output_dir / LOG_FOLDER / stderr, most_errors)
-    if not lines:
-        name, lines = stdout, _last_lines(output_dir / LOG_FOLDER / stdout, most_output)
+    if not lines or _is_later(output_dir / LOG_FOLDER / stdout, output_dir / LOG_FOLDER / stderr):
+        said = _last_lines(output_dir / LOG_FOLDER / stdout, most_output)
+        name, lines = (stdout, said) if said or not lines else (name, lines)
     return f"{LOG_FOLDER}/{name}", lines
+
+
+def _is_later(output: Path, errors: Path) -> bool:
+    """Returns whether the output log was written after the error log, by more than a program needs to end."""
+    try:
+        return output.lstat().st_mtime - errors.lstat().st_mtime > _LATER_S
+    except OSError:
+        return False
 
 
 def _last_lines(path: Path, most: int | None) -> list[str]:
@@ -125,6 +134,8 @@ def _last_lines(path: Path, most: int | None) -> list[str]:
     return [line for line in cleaned if line and line not in _SAYS_NOTHING]
 
 
+_LATER_S = 1.0
+"""Seconds by which a log counts as written later: Python writes a traceback, and then what its output still holds."""
 MAX_LOG_BYTES = 100_000_000
 """Number of bytes that are kept from the beginning of a log."""
 MAX_END_BYTES = 64 * 1024

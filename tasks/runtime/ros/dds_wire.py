@@ -89,6 +89,11 @@ class DdsWire:
             heard=frozenset(topic for topic, writer in self._writers.items() if writer.readers),
             commanders=sum(reader.writers for _, reader in self._readers),
             mistyped=others,
+            elsewhere={
+                each.topic: each.ros_type
+                for each in publications
+                if each.ros_type in (TWIST, TWIST_STAMPED) and each.topic != self._command_topic
+            },
             has_ros_nodes=any(each.topic in _OF_ALL_NODES for each in publications),
         )
 

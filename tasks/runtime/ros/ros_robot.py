@@ -138,7 +138,7 @@ class RosBridge:
         if self._problem is not None:
             return f"its ROS nodes are not reached: {self._problem}"
         assert self._wire is not None
-        there = [f"{topic} with {kind}" for topic, kind in self._peers.mistyped.items()]
+        there = [f"{topic} with {kind}" for topic, kind in {**self._peers.mistyped, **self._peers.elsewhere}.items()]
         there += [f"subscribers of {', '.join(sorted(self._peers.heard))}"] if self._peers.heard else []
         return (
             f"or a node has to publish geometry_msgs/Twist or TwistStamped on {command_topic(self._options)} in "
@@ -277,16 +277,17 @@ class RosAgent:
 
     def silent(self) -> LaunchError:
         """Returns, without raising it, the error about ROS nodes that sent no commands."""
-        mistyped = [f"; one publishes {topic} with {kind}" for topic, kind in self._peers.mistyped.items()]
+        others = {**self._peers.mistyped, **self._peers.elsewhere}
+        found = [f"; one publishes {topic} with {kind}" for topic, kind in others.items()]
         said = (
             f"the nodes of robot application {self._robot} sent no command on {self._command_topic} in "
             f"{self._time_s:.2f} s of simulated time"
             if self._most_commanders
             else f"no node of robot application {self._robot} publishes geometry_msgs/Twist or TwistStamped on "
-            f"{self._command_topic}{''.join(mistyped)}"
+            f"{self._command_topic}{''.join(found)}"
         )
-        topics = ", ".join(sorted(self._heard)) or "no topic of the simulation"
-        return LaunchError(f"{said}; the nodes listen to {topics}", _UNHEALTHY)
+        topics = ", ".join(sorted(self._heard)) or "none"
+        return LaunchError(f"{said}; of the simulation's topics the nodes listen to {topics}", _UNHEALTHY)
 
     def findings(self) -> Findings:
         """Returns figures about the exchange with ROS nodes, and notes on its defects, for the run's result."""

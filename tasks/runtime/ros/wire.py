@@ -54,6 +54,9 @@ class Peers:
     mistyped: Mapping[str, str] = field(default_factory=dict)
     """Unsupported message types of publishers of the command topic, by topic name."""
 
+    elsewhere: Mapping[str, str] = field(default_factory=dict)
+    """Message types of velocity commands on other topics, by topic name; a bridge of ROS 1 tells none."""
+
     has_ros_nodes: bool = True
     """Whether a node of ROS is among them, and not only programs that speak DDS by themselves."""
 

@@ -13,6 +13,7 @@ from helpers.planted_causes import draw, planted
 from prefect_robomaker.deployments.console.rendering import address
 from prefect_robomaker.deployments.console.sessions import Sessions
 from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
+from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
 from prefect_robomaker.schemas.reports.challenge import Challenge, ChallengedJob, SabotageResult
 from prefect_robomaker.schemas.reports.live_comparison import AgainstAnswer
 from prefect_robomaker.schemas.reports.names import name_label
@@ -130,6 +131,24 @@ def test_a_job_that_never_ran_prints_no_command_that_repeats_it(browser: Any, st
     page = browser.get(f"/console/jobs/{never}").text
     assert "robomaker repro" not in page
     assert "It ended before it ran: there is nothing to repeat." in page
+
+
+def test_a_job_that_broke_shows_its_logs_and_the_commands_that_repeat_it(
+    browser: Any, store_job: StoreJob, service: Service
+) -> None:
+    """Outputs of a run that broke are stored without a manifest."""
+    files = {"provenance.json": b"{}", "logs/robot.stdout.log": b"motor driver lost\n"}
+    job = store_job("Failed", files=files)
+    place = SimulationJobDocument.of(service.catalog.get(service.arn("simulation-job", job))).outputs
+    assert place is not None
+    service.store.delete(place.bucket, f"{place.prefix}/manifest.json")
+
+    page = browser.get(f"/console/jobs/{job}").text
+
+    assert "motor driver lost" in page
+    assert f"robomaker repro {job}" in page
+    assert browser.get(f"/console/jobs/{job}/files/logs/robot.stdout.log").text == "motor driver lost\n"
+    assert browser.get(f"/console/jobs/{job}/files/../{job}/provenance.json").status_code == 404
 
 
 def test_what_changes_of_a_batch_is_sent_until_it_ends(

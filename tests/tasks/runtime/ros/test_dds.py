@@ -80,6 +80,20 @@ def test_publishers_of_other_types_are_told(domain: int) -> None:
         wire.close()
 
 
+def test_velocity_commands_on_another_topic_are_told(domain: int) -> None:
+    wire, node = DdsWire(domain, Reach()), Participant(domain, Reach())
+    try:
+        wire.open([], "/cmd_vel")
+        writer = node.writer("/robot/cmd_vel", "geometry_msgs/msg/Twist", is_latched=False, depth=1)
+        wait_for(lambda: wire.peers().elsewhere, "the publisher")
+        assert wire.peers().elsewhere == {"/robot/cmd_vel": "geometry_msgs/msg/Twist"}
+        assert wire.peers().mistyped == {}
+        del writer
+    finally:
+        node.close()
+        wire.close()
+
+
 def test_a_program_that_speaks_dds_without_ros_is_no_node_of_ros(domain: int) -> None:
     wire, node = DdsWire(domain, Reach()), Participant(domain, Reach())
     try:
