@@ -250,7 +250,8 @@ ENDS = {
     ),
     "silence": (
         "rclpy.spin(node)", {}, "RobotApplicationHealthCheckFailure",
-        "publishes geometry_msgs/Twist or TwistStamped on /cmd_vel; of the simulation's topics the nodes listen to /clock",
+        "publishes geometry_msgs/Twist or TwistStamped on /cmd_vel; of the simulation's topics the nodes listen to "
+        "/clock",
     ),
     "a death": (
         TURNS.replace("def turn():", "def turn():\n    if node.get_clock().now().nanoseconds > 3e9: os._exit(3)"), {},

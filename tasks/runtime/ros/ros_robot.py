@@ -295,6 +295,7 @@ class RosAgent:
         about: dict[str, Any] = {
             "wire": self._wire.name,
             "time": self._options.time,
+            "command_topic": self._command_topic,
             "commands": self._commands,
             "sent": dict(sorted(self._recorder.sent.items())),
             "heard": sorted(self._heard),

@@ -1,12 +1,13 @@
 """Request to the recorder of ROS topics, and its report of what was and was not recorded."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
 from ....schemas.wire.base import Model, optional
+from ....schemas.wire.common import counted
 
 PROGRAM = "ros-topics"
 """Name of the topic recorder among the programs of a run, after the application's role."""
@@ -99,6 +100,27 @@ def notes_of(reports: Sequence[RecorderReport], starts: int) -> list[str]:
         ("announced, and no message came", [topic.name for topic in silent]),
     )
     return notes + [f"ROS topics {what}: {_listed(names)}" for what, names in groups if names]
+
+
+def unrecorded_commands(reports: Sequence[RecorderReport], about: Mapping[str, Any]) -> list[str]:
+    """Returns a note about velocity commands that the bridge took and the recorder missed; an empty list: none.
+
+    A node may send before the recorder has found it. Of a run in lock-step that may be much of the simulated time.
+
+    Args:
+        reports: Reports that were found.
+        about: Figures of the bridge in the run's result.
+    """
+    name, taken = about.get("command_topic"), about.get("commands")
+    heard = [topic for report in reports for topic in report.topics if topic.name == name]
+    recorded = sum(topic.messages for topic in heard)
+    told = sum(topic.lost + topic.left_out for topic in heard)  # by notes of their own
+    if not isinstance(taken, int) or recorded + told >= taken:
+        return []
+    return [
+        f"ROS topics: {recorded} of {counted(taken, 'command')} on {name} are recorded; those are missing that were "
+        "sent before the recorder had found the node"
+    ]
 
 
 def losses_of(reports: Sequence[RecorderReport], starts: int) -> dict[str, str]:

@@ -19,6 +19,7 @@ from ..ros.topic_report import (
     notes_of,
     part_path,
     report_path,
+    unrecorded_commands,
 )
 from .finished_outputs import add_result_notes, read_result
 from .helper_programs import MAX_REASON_CHARACTERS, run_helper
@@ -66,6 +67,7 @@ def join_ros_topics(
     _remove_unfinished(folder)
     parts = _parts(folder)
     losses: dict[str, str] = {}
+    reports: list[RecorderReport] = []
     if not parts and (folder / BAG_FILE).is_file():
         return {}  # of ROS 1, whose recorder writes one file of its own
     if not parts:
@@ -80,8 +82,9 @@ def join_ros_topics(
         heard = [topic.name for report in reports for topic in report.topics]
         all_of_them = {name: f"its messages{lack}".removeprefix("its messages: ") for name in heard for lack in lacks}
         losses = {**all_of_them, **losses_of(reports, starts=len(parts))}
-    if read_result(folder) is not None:
-        add_result_notes(folder, notes)
+    if (result := read_result(folder)) is not None:
+        about = result.extra.get("ros")
+        add_result_notes(folder, [*notes, *unrecorded_commands(reports, about if isinstance(about, dict) else {})])
     else:
         for note in notes:
             add_note(folder, f"robomaker: {note}")

@@ -150,6 +150,7 @@ def _ros_launch(code: Code, package: str, file: str, path: Path | None, which: W
     raise LaunchError(
         f"{code.role} application {code.name}: {file} is started by {needed}, which this machine does not have; "
         "install ROS here, put the application into a container image, or start it with launchConfig.command"
+        + ("; in place of Gazebo, give the built-in indoor-navigation" if code.role == "simulation" else "")
     )
 
 

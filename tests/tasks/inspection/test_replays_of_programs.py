@@ -6,6 +6,7 @@ import runpy
 import shutil
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,13 @@ from helpers.swing_fixtures import SUITE, forget_archives, outputs_of
 
 from prefect_robomaker.schemas.runs.provenance import Provenance
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
+from prefect_robomaker.tasks.inspection.found_runs import found_run
 from prefect_robomaker.tasks.inspection.replays import reproduce_run, verify_run
 from prefect_robomaker.tasks.jobs.job_runs import launcher
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.runtime.agents.action_log import ActionLog
 from prefect_robomaker.tasks.runtime.agents.agent_client import SOCKET_VARIABLE
+from prefect_robomaker.tasks.runtime.replay.replay import why_not_repeatable
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.environment.folders import AGENT
 from prefect_robomaker.tasks.storage import pack_tar_gz, read_manifest
@@ -268,6 +271,23 @@ def test_a_program_that_cannot_be_run_again_to_the_bit_is_named(service: Service
         "tool watch of robot application chance is a program of its own: no seed repeats its timing"
     ]
     assert verify_run(tool["arn"], service).answer == "bit-identical", "which needs no tool"
+
+
+@pytest.mark.deep
+def test_a_recorder_of_topics_does_not_keep_a_program_from_running_again(service: Service, push: Simulate) -> None:
+    """It is no tool of the job's: it listens, and drives nothing."""
+    job = push({"FACTOR": "20"}, of_robot={"tools": [WATCH]})
+    with found_run(job["arn"], service) as run:
+        assert why_not_repeatable(run.outputs, run_program=True)
+        plan = run.outputs.provenance.plan
+        named = [
+            each.model_copy(update={"name": "robot.ros-topics"}) if each.kind == "tool" else each
+            for each in plan.programs
+        ]
+        recorded = plan.model_copy(update={"programs": named})
+        provenance = run.outputs.provenance.model_copy(update={"plan": recorded})
+
+        assert why_not_repeatable(replace(run.outputs, provenance=provenance), run_program=True) == []
 
 
 def test_other_tools_and_programs_cannot_be_compared_and_are_named(

@@ -7,6 +7,7 @@ import pytest
 from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobProgress
 from prefect_robomaker.schemas.runs.plan import Requirement, RunResult
 from prefect_robomaker.schemas.runs.trial_rows import judged_of
+from prefect_robomaker.schemas.wire.errors import InvalidParameterException
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
@@ -47,6 +48,17 @@ def test_the_service_s_defaults_are_told(service: Service) -> None:
         }
     ]
     assert "robotApplications" not in answer
+
+
+def test_a_built_in_application_takes_no_launch_file_of_an_earlier_one(service: Service) -> None:
+    old = {"launchConfig": {"packageName": "hello", "launchFile": "world.launch.py"}}
+    with pytest.raises(InvalidParameterException) as refused:
+        created(service, old)
+
+    assert str(refused.value) == (
+        "simulationApplications[0].launchConfig.packageName: indoor-navigation is built in, and starts without one; "
+        "leave out packageName and launchFile, which say what of an archive of your own is started"
+    )
 
 
 RESULT = RunResult(

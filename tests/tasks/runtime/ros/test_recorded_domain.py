@@ -22,9 +22,11 @@ from prefect_robomaker.tasks.runtime.ros.topic_report import (
     MODULE,
     RecorderReport,
     RecorderRequest,
+    TopicReport,
     notes_of,
     part_path,
     report_path,
+    unrecorded_commands,
 )
 
 DOMAIN = 1 + os.getpid() % 101
@@ -83,3 +85,19 @@ def test_nodes_are_recorded_in_simulated_time_and_the_simulation_is_not(
     assert notes_of([report], starts=1) == [
         "ROS topics recorded without a definition of their type: /thing (my_msgs/msg/Thing)"
     ]
+
+
+@pytest.mark.parametrize(("recorded", "lost", "missing"), [(300, 0, False), (217, 83, False), (217, 0, True)])
+def test_commands_that_were_sent_before_the_recorder_was_there_are_told(
+    recorded: int, lost: int, missing: bool
+) -> None:
+    topic = TopicReport(name="/cmd_vel", type="geometry_msgs/msg/Twist", messages=recorded, lost=lost)
+    report = RecorderReport(domain=7, topics=[topic])
+
+    told = unrecorded_commands([report], {"command_topic": "/cmd_vel", "commands": 300})
+
+    assert told == [
+        "ROS topics: 217 of 300 commands on /cmd_vel are recorded; those are missing that were sent before the "
+        "recorder had found the node"
+    ] * int(missing)
+    assert unrecorded_commands([report], {}) == []

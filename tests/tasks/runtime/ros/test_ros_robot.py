@@ -211,8 +211,8 @@ def test_nodes_without_a_publisher_of_commands_are_told_so_in_each_mode(run, mod
     with pytest.raises(LaunchError) as caught:
         made.go(10_000)
     assert str(caught.value) == (
-        "no node of robot application driver publishes geometry_msgs/Twist or TwistStamped on /cmd_vel; the nodes "
-        "listen to /odom, /scan"
+        "no node of robot application driver publishes geometry_msgs/Twist or TwistStamped on /cmd_vel; of the "
+        "simulation's topics the nodes listen to /odom, /scan"
     )
     assert "paced" not in str(caught.value)
 
@@ -224,7 +224,7 @@ def test_a_publisher_of_commands_that_is_not_heard_is_told_in_lockstep(run) -> N
     )
     made.begin()
     with pytest.raises(
-        LaunchError, match=r"; one publishes /cmd_vel with best effort geometry_msgs/msg/Twist; the nod"
+        LaunchError, match=r"; one publishes /cmd_vel with best effort geometry_msgs/msg/Twist; of the simulation"
     ):
         made.go(10_000)
 

@@ -121,6 +121,9 @@ def test_what_a_launch_file_says_goes_before_its_name(bundle: Path) -> None:
         assert program.argv[-3:] == ("/usr/bin/ros2", "launch", str(bundle / "ros_pkg/launch" / file))
         with pytest.raises(LaunchError, match="is started by `ros2 launch`, which this machine does not have"):
             resolve(bundle, ("roslaunch",), packageName="ros_pkg", launchFile=file)
+        arena = Code("simulation", "arena", folder=bundle)
+        with pytest.raises(LaunchError, match="; in place of Gazebo, give the built-in indoor-navigation"):
+            resolve_launch(arena, {"packageName": "ros_pkg", "launchFile": file}, lambda _: None, PYTHON)
 
 
 def test_a_launch_file_that_its_package_does_not_have_is_told_at_once(bundle: Path) -> None:
