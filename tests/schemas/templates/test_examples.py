@@ -4,7 +4,9 @@ import re
 
 import pytest
 from helpers.paths import REPOSITORY
+from pydantic import TypeAdapter
 
+from prefect_robomaker.schemas.templates.body import ModelType
 from prefect_robomaker.schemas.templates.parsing import parse_template_body
 
 PAGE = REPOSITORY / "docs" / "world-templates.md"
@@ -23,3 +25,10 @@ def test_the_reference_shows_a_door_of_each_kind() -> None:
     sets = parse_template_body(EXAMPLES[1]).interior.Doorways
     assert sets is not None
     assert [one.Door.InitialState.OpenPosition.Percent for one in sets.DoorwaySets] == [0, "Random"]
+
+
+def test_the_reference_lists_all_kinds_of_furniture() -> None:
+    listed = re.search(r"^`ModelTypes` are (.*?)\.$", PAGE.read_text(), re.MULTILINE | re.DOTALL)
+    assert listed is not None
+    kinds = TypeAdapter(ModelType).json_schema()["enum"]
+    assert re.findall(r"[A-Z]\w+", listed[1]) == kinds
