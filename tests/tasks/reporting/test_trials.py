@@ -18,6 +18,7 @@ from prefect_robomaker.tasks.results.rates import wilson_interval
 from prefect_robomaker.tasks.runtime.trials.tally import Tally
 
 START = datetime(2026, 3, 2, 9, 30, tzinfo=UTC)
+VERDICTS: dict[str, Verdict] = {"P": "PASS", "F": "FAIL", "E": "ERROR", "N": "NONE"}
 
 
 def result(trials: Trials, every: int) -> RunResult:
@@ -70,11 +71,12 @@ def test_a_card_shows_the_pass_rate_and_the_failing_trials(tmp_path: Path) -> No
     assert (share.passed, share.failed, share.low, share.high) == (90, 10, low, high)
 
 
-def mixed(*verdicts: Verdict) -> RunResult:
-    """The result of a job whose trials have these verdicts."""
-    tally = Tally(Trials(seeds=len(verdicts)))
-    for number, verdict in enumerate(verdicts):
-        tally.take(TrialRow(trial=number, seed=number, verdict=verdict, reason="" if verdict == "PASS" else "rope"))
+def mixed(letters: str) -> RunResult:
+    """The result of a job whose trials have the verdicts that begin with these letters."""
+    tally = Tally(Trials(seeds=len(letters)))
+    for number, letter in enumerate(letters):
+        reason = "" if letter == "P" else "rope"
+        tally.take(TrialRow(trial=number, seed=number, verdict=VERDICTS[letter], reason=reason))
     return tally.result("environment", 7, {}, [])
 
 
@@ -87,14 +89,13 @@ def mixed(*verdicts: Verdict) -> RunResult:
     ],
 )
 def test_a_rate_says_of_how_many_it_is(verdicts: str, told: str) -> None:
-    letters: dict[str, Verdict] = {"P": "PASS", "F": "FAIL", "E": "ERROR", "N": "NONE"}
-    page = render_report(report(mixed(*(letters[each] for each in verdicts))))
+    page = render_report(report(mixed(verdicts)))
     [line] = re.findall(r'<p class="small trials">(.*?)</p>', page)
     assert re.sub("</?strong>", "", line) == told
 
 
 def test_trials_that_broke_stand_beside_those_that_passed() -> None:
-    made = report(mixed("PASS", "FAIL", "ERROR", "ERROR"))
+    made = report(mixed("PFEE"))
     share = Share(name="", passed=9, failed=3, errors=4, rate=0.75, low=0.47, high=0.91)
     numbers = summarize(made).model_copy(update={"trials": 16, "success": share})
     assert answer_of(made, numbers).startswith("0 of 1 job passed; 1 failed (9 of 16 trials passed, 4 broke)")
@@ -104,7 +105,7 @@ def test_trials_that_broke_stand_beside_those_that_passed() -> None:
 
 
 def test_a_card_says_how_many_trials_ran_and_not_how_one_run_ended() -> None:
-    ran = mixed("PASS", "FAIL")
+    ran = mixed("PF")
     assert "ran 2 trials · seed 7" in render_report(report(ran))
     assert "ended by" not in render_report(report(ran))
     tally = Tally(Trials(seeds=3))
