@@ -90,7 +90,7 @@ class Night(Model):
         told = passed_of(self.jobs_passed, self.jobs, "job")
         if self.trials == self.jobs or self.is_taken_over:
             return told
-        return f"{told} ({passed_of(self.success.passed, self.trials, 'trial')})"
+        return f"{told} ({passed_of(self.success.passed, self.trials, 'trial', self.success.errors)})"
 
     @property
     def cut_short(self) -> str:

@@ -256,19 +256,23 @@ def counts_in_words(jobs: Sequence[JobRecord]) -> str:
 
 
 def _trials_in_words(jobs: Sequence[JobRecord]) -> str:
-    """Returns the number of trials that passed, in brackets; empty if no job has trials."""
+    """Returns the numbers of trials that passed and broke, in brackets; empty if no job has trials."""
     if not any(map(_has_trials, jobs)):
         return ""
-    passed, trials = (sum(counts) for counts in zip(*map(_trials_of, jobs), strict=True))
-    return f" ({passed_of(passed, trials, 'trial')})"
+    passed, trials, broke = (sum(counts) for counts in zip(*map(_trials_of, jobs), strict=True))
+    return f" ({passed_of(passed, trials, 'trial', broke)})"
 
 
-def _trials_of(job: JobRecord) -> tuple[int, int]:
-    """Returns how many trials of a job passed, and how many it has; one without trials is one itself if judged."""
+def _trials_of(job: JobRecord) -> tuple[int, int, int]:
+    """Returns how many trials of a job passed, how many it has, and how many of them broke.
+
+    A job without trials is one itself if judged; one that broke is counted among the jobs.
+    """
     if _has_trials(job):  # another job may have metrics of its application that are called the same
-        return round(job.metrics.get("trials_passed", 0)), round(job.metrics.get("trials", 0))
+        passed, trials, broke = (round(job.metrics.get(f"trials{each}", 0)) for each in ("_passed", "", "_errors"))
+        return passed, trials, broke
     is_judged = job.status == "Completed" and job.verdict not in (None, "NONE")
-    return int(_outcome_of(job) == "passed"), int(is_judged)
+    return int(_outcome_of(job) == "passed"), int(is_judged), 0
 
 
 def _has_trials(job: JobRecord) -> bool:

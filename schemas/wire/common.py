@@ -99,15 +99,16 @@ def counted(count: int, noun: str, form: str = "") -> str:
     return f"{count:{form}} {noun}{'' if count == 1 else 's'}"
 
 
-def passed_of(passed: int, total: int, noun: str) -> str:
-    """Returns how many passed: `3 of 4 jobs passed`.
+def passed_of(passed: int, total: int, noun: str, broke: int = 0) -> str:
+    """Returns how many passed: `3 of 4 jobs passed`, where some broke `9 of 16 trials passed, 4 broke`.
 
     Args:
         passed: Number of those that passed.
         total: Number of all.
         noun: Word for one of them, whose plural ends with an s.
+        broke: Number of those that broke.
     """
-    return f"{passed} of {counted(total, noun)} passed"
+    return f"{passed} of {counted(total, noun)} passed{f', {broke} broke' if broke else ''}"
 
 
 def shorten(reason: str, limit: int = 1024) -> str:

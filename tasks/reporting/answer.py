@@ -17,7 +17,7 @@ def answer_of(report: Report, numbers: ReportSummary) -> str:
     """
     told = headline(report)
     if report.challenge is None and numbers.trials > len(report.jobs):
-        told += f" ({passed_of(numbers.success.passed, numbers.trials, 'trial')})"
+        told += f" ({passed_of(numbers.success.passed, numbers.trials, 'trial', numbers.success.errors)})"
     since = report.since_last
     is_told = since is not None and (report.jobs or since.has_losses)
     news = news_in_words(since) if since is not None and is_told else ""

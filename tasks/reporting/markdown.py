@@ -159,7 +159,7 @@ def _counts(summary: ReportSummary, jobs: int) -> list[str]:
     passed = counts.pop(Outcome.PASSED.value, 0)
     words = passed_of(passed, jobs, "job") if jobs else "no simulation jobs"
     if summary.trials > jobs:
-        words += f" ({passed_of(summary.success.passed, summary.trials, 'trial')})"
+        words += f" ({passed_of(summary.success.passed, summary.trials, 'trial', summary.success.errors)})"
     told = [f"**{words}**"]
     known = sum(bool(job.known) for step in summary.steps for job in step.jobs)
     if known:  # they are FAIL, and make no run red
@@ -170,7 +170,8 @@ def _counts(summary: ReportSummary, jobs: int) -> list[str]:
     if (rate := summary.success.rate) is not None and summary.success.low is not None and not summary.against:
         low, high = (f"{100 * (end or 0.0):.0f}" for end in (summary.success.low, summary.success.high))
         remark = summary.success.remark
-        told.append(f"success rate {100 * rate:.0f} % (95 %: {low} to {high} %{remark and '; ' + remark})")
+        judged = f" of {summary.success.passed + summary.success.failed} judged" if summary.success.errors else ""
+        told.append(f"success rate {100 * rate:.0f} %{judged} (95 %: {low} to {high} %{remark and '; ' + remark})")
     return told
 
 

@@ -35,6 +35,7 @@ _COLUMNS = (
 )
 """Columns of the table of jobs: member of `Numbers`, title, digits and unit."""
 _OF_TRIAL = re.compile(rf"{TRIALS_FOLDER}/(\d+)/")
+_RECORDING = "recording.mcap"
 _KNOWN_METRICS = frozenset({"distance_m", "collisions", "max_force_N", "sim_time_s", "wall_time_s", "real_time_factor"})
 _SHOWN_AFTER_S = 1.0
 """Shortest time after a job's run that its card shows, in seconds."""
@@ -127,6 +128,18 @@ class JobView:
     def result(self) -> RunResult | None:
         """The job's result, if it has one."""
         return self.job.result
+
+    @property
+    def end(self) -> str:
+        """End of the job in words: `ended by agent`; its status where it has no result.
+
+        Trials end each by its own cause, so a job that ran all of them says their number: `ran 8 trials`.
+        """
+        if self.job.result is None:
+            return self.job.status
+        if self.trials is not None and self.trials.stopped_in is None:
+            return f"ran {counted(self.trials.counts.total, 'trial')}"
+        return f"ended by {self.job.result.ended_by}"
 
     @property
     def drawn(self) -> RunResult | None:
@@ -409,7 +422,7 @@ def _job_plan(job: ReportedJob, world: WorldView | None) -> tuple[Markup | None,
     """
     drawn, name = _drawn(job), job.title if job.drawn_trial is None else f"trial {job.drawn_trial} of {job.title}"
     if drawn is None:
-        return None, "The job left no result.json, so there is nothing to draw."
+        return None, _why_no_path(job)
     if not drawn.path and TrialsSummary.of(drawn) is not None:
         return None, ""  # no trial was recorded, and the world's card has the plan without a path
     if world is not None and world.content is not None and world.frame is not None:
@@ -422,6 +435,15 @@ def _job_plan(job: ReportedJob, world: WorldView | None) -> tuple[Markup | None,
     else:
         missing = "This job drove in no generated world."
     return plan.draw_bare_path(drawn, f"Path of {name}"), missing
+
+
+def _why_no_path(job: ReportedJob) -> str:
+    """Says why there is no path of a job without a result, and which file has what it drove."""
+    if not any(file.name == _RECORDING for file in job.files):
+        return "The job left no result.json, so there is nothing to draw."
+    is_broken = outcome_of(job) is Outcome.BROKEN
+    why = "The job broke before it wrote" if is_broken else "The job ended before it wrote"
+    return f"{why} result.json, so no path is drawn; {_RECORDING} has what it drove."
 
 
 def _drawn(job: ReportedJob) -> RunResult | None:

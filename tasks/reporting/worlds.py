@@ -139,6 +139,7 @@ class TrialsView:
 
     planned: int
     stopped_in: int | None
+    counts: TrialCounts
     share: Share
     axes: list[Share]
     """Pass rates by axis and part of the axis, in the order of the axes; without axes of a single value."""
@@ -155,9 +156,20 @@ class TrialsView:
 
     @property
     def label(self) -> str:
-        """Summary of the trials: `95 of 100 trials passed`."""
-        judged = self.share.passed + self.share.failed + self.share.errors
-        return passed_of(self.share.passed, judged, "trial")
+        """Number of trials that passed, of those that the rate is of: `4 of 6 judged trials passed`.
+
+        Where all were judged, or none, it is `95 of 100 trials passed`.
+        """
+        judged = self.counts.passed + self.counts.failed
+        if judged in (0, self.counts.total):
+            return passed_of(self.counts.passed, self.counts.total, "trial")
+        return passed_of(self.counts.passed, judged, "judged trial")
+
+    @property
+    def unjudged(self) -> str:
+        """Number of trials that the rate leaves out: `2 broke, 1 without a verdict`; empty: there are none."""
+        left = ((self.counts.errors, "broke"), (self.counts.unjudged, "without a verdict"))
+        return ", ".join(f"{count} {words}" for count, words in left if count)
 
 
 def trials_share(job: ReportedJob) -> Share | None:
@@ -179,6 +191,7 @@ def view_trials(job: ReportedJob) -> TrialsView | None:
     return TrialsView(
         planned=summary.planned,
         stopped_in=summary.stopped_in,
+        counts=summary.counts,
         share=_share("all trials", summary.counts),
         # What all trials of the job have tells them apart from none.
         axes=[_share(f"{each.axis} {each.part}", each) for each in summary.axes if parts[each.axis] > 1],

@@ -128,7 +128,8 @@ def _headline(history: History) -> str:
         return f"{runs}; the last one was {cut_short}, {share.passed} passed"
     if share.rate is None:
         return f"{runs}; nothing was judged in the last one"
-    broke = f", {share.errors} broke" if share.errors else ""
+    has_trials = history.nights[-1].trials != history.nights[-1].jobs  # whose number says it
+    broke = f", {share.errors} broke" if share.errors and not has_trials else ""
     return f"{runs}; {history.nights[-1].passed_in_words} in the last one{broke}"
 
 

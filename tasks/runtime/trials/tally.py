@@ -254,7 +254,10 @@ class Tally:
 
     @property
     def _why(self) -> str:
-        """Says what was missed most often, as `; missed: gentle in 8, to-bed in 3`, and why the first trial broke."""
+        """Says what was missed most often, as `; missed: gentle in 8, to-bed in 3`, and why the first trial broke.
+
+        Where more broke, their number comes first: `; 2 broke, first trial 3: RuntimeError: the rope broke`.
+        """
         missed = {name: count.missed for name, count in self._requirements.items() if count.missed}
         worst = sorted(missed, key=lambda name: -missed[name])
         told = ", ".join(f"{name} in {missed[name]}" for name in worst[:_MOST_MISSED])
@@ -262,11 +265,11 @@ class Tally:
         text = f"; missed: {told}{f' and {others} more' if others > 0 else ''}" if told else ""
         broke = next((each for each in self._failing if each.verdict == "ERROR"), None)
         reason = next(iter(broke.reason.strip().splitlines()), "") if broke else ""
-        return (
-            f"{text}; trial {broke.trial} broke: {textwrap.shorten(reason, _REASON_CHARACTERS, placeholder=' …')}"
-            if broke and reason
-            else text
-        )
+        if broke is None or not reason:
+            return text
+        errors = self._counts["errors"]
+        told = f"trial {broke.trial} broke" if errors == 1 else f"{errors} broke, first trial {broke.trial}"
+        return f"{text}; {told}: {textwrap.shorten(reason, _REASON_CHARACTERS, placeholder=' …')}"
 
     def _metrics(self, counts: TrialCounts) -> dict[str, float]:
         judged = counts.passed + counts.failed

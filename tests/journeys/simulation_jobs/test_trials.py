@@ -225,7 +225,7 @@ def test_with_continue_a_crash_is_the_error_of_its_trial(service: Service, swing
     assert rows[2]["reason"].startswith("RuntimeError: the rope broke")
     assert rows[2]["failure_code"] == "SimulationApplicationCrash"
     assert result.verdict == "ERROR"
-    told = "trials: 2 of 6 trials did not pass: trials 2, 3; trial 2 broke: RuntimeError: the rope broke"
+    told = "trials: 2 of 6 trials did not pass: trials 2, 3; 2 broke, first trial 2: RuntimeError: the rope broke"
     assert (result.reason or "").startswith(told)
     # What follows a crash begins as if there had been none.
     assert [row["state_digest"] for row in rows[4:]] == [row["state_digest"] for row in rows[:2]]

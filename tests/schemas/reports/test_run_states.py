@@ -88,6 +88,10 @@ def test_trials_are_counted_beside_jobs() -> None:
     )
     assert "(48 of 50 trials passed), 2 unfinished" in counts_in_words([swept, unfinished, unfinished])
     assert "(48 of 50 trials passed), 1 without a verdict" in counts_in_words([swept, unjudged])
+    half = metrics | {"trials_passed": 44.0, "trials_errors": 4.0}
+    both = failed.model_copy(update={"metrics": half, "requirements": [all_trials]})
+    assert counts_in_words([both]) == "0 of 1 job passed (44 of 50 trials passed, 4 broke)"
+    assert counts_in_words([both, broken]).endswith("(44 of 50 trials passed, 4 broke), 1 broke")
     own = failed.model_copy(update={"metrics": {"trials": float("nan")}})
     assert counts_in_words([own]) == "0 of 1 job passed", "a metric of the application that is called so"
 

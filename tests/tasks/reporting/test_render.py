@@ -252,8 +252,17 @@ def test_jobs_without_result_or_world_say_so(make_report: Any, make_job: Any, ma
     page = Document(render_report(make_report([], jobs)))
     assert "The world arn:gone is not part of this report." in page.text
     assert "This job drove in no generated world." in page.text
-    assert "The job left no result.json" in page.text
+    assert "The job left no result.json, so there is nothing to draw." in page.text
     assert len([svg for svg in page.all("svg") if "plan" in (svg.get("class") or "").split()]) == 2
+
+
+@pytest.mark.parametrize(("status", "why"), [("Failed", "The job broke before"), ("Canceled", "The job ended before")])
+def test_a_job_without_result_names_its_recording(make_report: Any, make_job: Any, status: str, why: str) -> None:
+    recording = ReportedFile(name="recording.mcap", uri="file:///out/recording.mcap", size_bytes=9)
+    job = make_job("sim-1", None, status=status, result=None, files=[recording])
+    page = Document(render_report(make_report([], [job])))
+    assert f"{why} it wrote result.json, so no path is drawn; recording.mcap has what it drove." in page.text
+    assert "nothing to draw" not in page.text
 
 
 def test_programs_without_a_simulation_have_no_numbers_of_one(

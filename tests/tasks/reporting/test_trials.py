@@ -7,16 +7,18 @@ from pathlib import Path
 import pytest
 from helpers.variable_axes import trials_of_variables
 
-from prefect_robomaker.schemas.reports.report import Report, ReportedJob, ReportedStep
-from prefect_robomaker.schemas.runs.plan import Requirement, RunResult
+from prefect_robomaker.schemas.reports.report import Report, ReportedJob, ReportedStep, Share
+from prefect_robomaker.schemas.runs.plan import Requirement, RunResult, Verdict
 from prefect_robomaker.schemas.runs.trial_rows import TrialRow
 from prefect_robomaker.schemas.runs.trials import Trials
-from prefect_robomaker.tasks.reporting import render_report, summarize
+from prefect_robomaker.tasks.reporting import markdown_report, render_report, summarize
+from prefect_robomaker.tasks.reporting.answer import answer_of
 from prefect_robomaker.tasks.reporting.worlds import MOST_SHOWN, view_trials
 from prefect_robomaker.tasks.results.rates import wilson_interval
 from prefect_robomaker.tasks.runtime.trials.tally import Tally
 
 START = datetime(2026, 3, 2, 9, 30, tzinfo=UTC)
+VERDICTS: dict[str, Verdict] = {"P": "PASS", "F": "FAIL", "E": "ERROR", "N": "NONE"}
 
 
 def result(trials: Trials, every: int) -> RunResult:
@@ -67,6 +69,48 @@ def test_a_card_shows_the_pass_rate_and_the_failing_trials(tmp_path: Path) -> No
     share = suite.jobs[0].trials
     assert share is not None
     assert (share.passed, share.failed, share.low, share.high) == (90, 10, low, high)
+
+
+def mixed(letters: str) -> RunResult:
+    """The result of a job whose trials have the verdicts that begin with these letters."""
+    tally = Tally(Trials(seeds=len(letters)))
+    for number, letter in enumerate(letters):
+        reason = "" if letter == "P" else "rope"
+        tally.take(TrialRow(trial=number, seed=number, verdict=VERDICTS[letter], reason=reason))
+    return tally.result("environment", 7, {}, [])
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "told"),
+    [
+        ("PPPPFFEE", "4 of 6 judged trials passed: 66.7&nbsp;%, 95&nbsp;% interval 30.0 to 90.3&nbsp;%; 2 broke"),
+        ("PFN", "1 of 2 judged trials passed: 50.0&nbsp;%, 95&nbsp;% interval 9.5 to 90.5&nbsp;%; 1 without a verdict"),
+        ("EE", "0 of 2 trials passed; 2 broke"),
+    ],
+)
+def test_a_rate_says_of_how_many_it_is(verdicts: str, told: str) -> None:
+    page = render_report(report(mixed(verdicts)))
+    [line] = re.findall(r'<p class="small trials">(.*?)</p>', page)
+    assert re.sub("</?strong>", "", line) == told
+
+
+def test_trials_that_broke_stand_beside_those_that_passed() -> None:
+    made = report(mixed("PFEE"))
+    share = Share(name="", passed=9, failed=3, errors=4, rate=0.75, low=0.47, high=0.91)
+    numbers = summarize(made).model_copy(update={"trials": 16, "success": share})
+    assert answer_of(made, numbers).startswith("0 of 1 job passed; 1 failed (9 of 16 trials passed, 4 broke)")
+    text = markdown_report(numbers)
+    assert "0 of 1 job passed (9 of 16 trials passed, 4 broke)" in text
+    assert "success rate 75 % of 12 judged (95 %: 47 to 91 %)" in text
+
+
+def test_a_card_says_how_many_trials_ran_and_not_how_one_run_ended() -> None:
+    ran = mixed("PF")
+    assert "ran 2 trials · seed 7" in render_report(report(ran))
+    assert "ended by" not in render_report(report(ran))
+    tally = Tally(Trials(seeds=3))
+    tally.take(TrialRow(trial=0, seed=0, verdict="PASS"))
+    assert "ended by duration limit · seed 7" in render_report(report(tally.result("duration limit", 7, {}, [])))
 
 
 def test_the_trial_with_the_smallest_margin_is_named_when_all_pass() -> None:

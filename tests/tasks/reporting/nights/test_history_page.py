@@ -54,6 +54,14 @@ def test_one_run_has_a_page() -> None:
     assert "1 run; 1 of 2 jobs passed in the last one" in html
 
 
+def test_trials_that_broke_are_said_once(tmp_path: Path) -> None:
+    made = history_of("nightly", [NightRun.of(make_trials_night(["PPFEE"], runs=tmp_path))])
+    told = made.nights[0].passed_in_words
+    assert told == "0 of 1 job passed (2 of 5 trials passed, 2 broke)"
+    assert f"1 run; {told} in the last one<" in render_history(made, RUNS)
+    assert "1 run; 1 of 2 jobs passed in the last one, 1 broke" in render_history(history("PE"), RUNS)
+
+
 @pytest.mark.parametrize(("letters", "word"), [("PP", "passed"), ("PN", "succeeded")])
 def test_a_run_is_passed_if_each_of_its_jobs_is(letters: str, word: str) -> None:
     found = history(letters)

@@ -201,6 +201,22 @@ def test_the_trials_that_did_not_pass_are_listed_where_others_passed() -> None:
     ]
 
 
+@pytest.mark.parametrize(("every", "told"), [(3, "2 broke, first trial 3: the rope"), (9, "trial 3 broke: the rope")])
+def test_several_trials_that_broke_are_counted(every: int, told: str) -> None:
+    missed = Requirement(name="polite", satisfied=False, detail="1.2 m away")
+    tally = Tally(Trials(seeds=8))
+    for number in range(8):
+        row: dict[str, Any] = {"verdict": "PASS"}
+        if number in (1, 5):
+            row = {"verdict": "FAIL", "requirements": [missed]}
+        elif number == 3 or number == 3 + every + 1:
+            row = {"verdict": "ERROR", "reason": "the rope\nof line 2"}
+        tally.take(TrialRow.model_validate({"trial": number, "seed": number, **row}))
+    result = tally.result("environment", 0, {}, [])
+    assert result.verdict == "FAIL"
+    assert (result.reason or "").endswith(f"; missed: polite in 2; {told}")
+
+
 def test_rows_lie_in_groups(tmp_path: Path) -> None:
     trials = Trials(seeds=2 * completion.ROWS_IN_GROUP + 1)
     rows = [TrialRow(trial=number, seed=number, verdict="PASS") for number in range(trials.count)]
