@@ -70,13 +70,24 @@ class PolicyAgent:
         try:
             return checked_action(self._policy(observed), self._action, f"policy {self._name}")
         except NotFiniteError as error:
-            given = [name for name, array in observed.items() if not np.isfinite(array).all()]
-            if not given:
+            if not (cause := _possible_cause(observed)):
                 raise
-            # A lidar's ray that meets nothing is infinitely long, which networks make NaN of.
-            raise NotFiniteError(
-                f"{error}; nor is what it observed of {', '.join(given)}, which it has to limit"
-            ) from None
+            raise NotFiniteError(f"{error}; {cause}") from None
+
+
+def _possible_cause(observed: Observed) -> str:
+    """Says which of a policy's observations may have made its action not finite; empty if they all are finite."""
+    unknown = [name for name, array in observed.items() if np.isnan(array).any()]
+    if unknown:
+        return f"it observed NaN in {', '.join(unknown)}, which may be the cause"
+    # A lidar's ray that meets nothing is infinitely long, which networks make NaN of.
+    endless = [name for name, array in observed.items() if np.isinf(array).any()]
+    if endless:
+        named = ", ".join(endless)
+        return (
+            f"infinite numbers in {named} are normal, and may be the cause: a policy has to limit those that it reads"
+        )
+    return ""
 
 
 def _callable(reference: PolicyReference, folder: Path | None, root: Path | None) -> Policy:

@@ -100,6 +100,8 @@ def report_of(error: BaseException, progress: Progress) -> dict[str, Any]:
 
 
 def _describe(error: BaseException, trace: TracebackType | None) -> str:
+    if isinstance(error, RobotProgramError):
+        return ", ".join([str(error), *getattr(error, "__notes__", ())])  # they say in which step and trial
     if isinstance(error, _SAY_ALL):
         return str(error)
     if isinstance(error, SystemExit):

@@ -43,6 +43,8 @@ class RequirementsObserver(Observer):
         self._model: Any = None
         self._world = cache(lambda: _world_of(plan) if world is None else world)
         self._data: Any = None
+        self._refresh: Callable[[], None] = _show_nothing
+        """Function that shows the rules the present poses."""
         self._time_s = 0.0
         self.judged: list[Requirement] = []
         """The judged requirements, once the observer is closed."""
@@ -74,6 +76,7 @@ class RequirementsObserver(Observer):
             return
         if raw_physics(environment.physics)[0] is not self._model:
             self._bind(environment)
+        self._refresh()
         for check in self._checks:
             check.look_if_due(time_s)
         if any(rule.is_over for rule in self._rules) or self._all_goals_reached(self._rules):
@@ -136,6 +139,7 @@ class RequirementsObserver(Observer):
                 rule.fail(_NO_PHYSICS)
             return
         self._time_s = max(self._time_s, self._data.time)
+        self._refresh()
         for check in self._checks:
             check.look_if_new(self._time_s)
 
@@ -169,7 +173,8 @@ class RequirementsObserver(Observer):
             scene = Scene(environment, self._model, self._data, self._plan, self._world)
         else:
             scene = make_scene(self._plan, self._world)
-        room_of = scene.room_of if isinstance(scene, Scene) else None  # recordings have no state to ask
+        # Recordings have no state to ask, and show the present poses by themselves.
+        room_of, self._refresh = (scene.room_of, scene.refresh) if isinstance(scene, Scene) else (None, _show_nothing)
         self._checks = [_Check(rule, _bound(rule, scene), room_of) for rule in self._rules or ()]
         self._within_steps = [check for check in self._checks if check.rule.looks_within_steps]
         physics = environment.physics
@@ -282,6 +287,10 @@ def _world_of(plan: RunPlan) -> World | None:
     if plan.world_dir is None:
         return None
     return World.model_validate_json((plan.world_dir / "world.json").read_bytes())
+
+
+def _show_nothing() -> None:
+    """Does nothing: the rules see the present poses without it."""
 
 
 def _both(first: Callable[[], None] | None, second: Callable[[], None]) -> Callable[[], None]:

@@ -71,9 +71,15 @@ class Scene:
         """Whether contacts have no forces yet, as between `mj_step1` and `mj_step2`; see `ContactForces`."""
         return bool(getattr(self.environment.physics, "legacy_step", False))
 
+    def refresh(self) -> None:
+        """Takes the present state over into the arrays that `position` and `orientation` have returned."""
+        if "_now" in self.__dict__:  # else no rule has asked for a pose
+            self._update(self._now)
+
     def position(self, rule: Rule[Any]) -> Sequence[float]:
-        """Returns the robot's position x, y, z in metres, as an array that follows the simulation."""
-        return self.data.xpos[self._robot(rule)]
+        """Returns the robot's present position x, y, z in metres, as an array that follows at each `refresh`."""
+        self.refresh()
+        return self._now.xpos[self._robot(rule)]
 
     def room_of(self, rule: Rule[Any]) -> str | None:
         """Returns the name of the room that the robot is in; `None`: in none, there is no world, or no robot."""
@@ -86,8 +92,9 @@ class Scene:
         return next((room.name for room in self.world.floorplan.rooms if contains(room.polygon, x, y)), None)
 
     def orientation(self, rule: Rule[Any]) -> Sequence[float]:
-        """Returns the robot's orientation (quaternion, w first), as an array that follows the simulation."""
-        return self.data.xquat[self._robot(rule)]
+        """Returns the robot's present orientation (quaternion, w first), as an array that follows at each `refresh`."""
+        self.refresh()
+        return self._now.xquat[self._robot(rule)]
 
     def can_tilt(self, rule: Rule[Any]) -> bool:
         """Whether a joint lets the body of the rule's robot tilt; hinges around the vertical do not."""
@@ -196,6 +203,24 @@ class Scene:
             there = [name for name in map(self._body_name, range(1, self.model.nbody)) if name]
             raise rule.cannot(f"the model has no body {named!r}{_near(named, there)}")
         return number
+
+    @cached_property
+    def _now(self) -> mujoco.MjData:
+        """Copy of the positions, with the poses of all bodies.
+
+        `mj_step` leaves poses in `data` that are a physics step older than its positions, from which environments read
+        where the robot is: at a door, requirements and environment would see it in two rooms. The run's own `data`
+        stays as it is.
+        """
+        copy = mujoco.MjData(self.model)
+        self._update(copy)
+        return copy
+
+    def _update(self, copy: mujoco.MjData) -> None:
+        copy.qpos[:] = self.data.qpos
+        if self.model.nmocap:
+            copy.mocap_pos[:], copy.mocap_quat[:] = self.data.mocap_pos, self.data.mocap_quat
+        mujoco.mj_kinematics(self.model, copy)
 
     @cached_property
     def _contacts(self) -> dict[int, ContactForces]:

@@ -248,7 +248,8 @@ class Tally:
         if (unjudged := self._counts.get("unjudged", 0)) and unjudged < self.rows:
             text += f"; {unjudged} of {self.rows} have no verdict"
         if not self.is_whole:
-            text += f"; stopped in trial {self.rows} of {self._trials.count}"
+            stopped = f"stopped in trial {self.rows} of {self._trials.count}"
+            text = f"{text}; {stopped}" if self.rows else stopped
             text += f": {self.unanswered}" if self.unanswered else ""
         return text
 

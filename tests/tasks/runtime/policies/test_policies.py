@@ -13,11 +13,18 @@ import numpy as np
 import pytest
 from dm_env import specs
 from helpers.networks import write_network
+from helpers.stop_flags import StopFlag
 from onnx import TensorProto
 
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan
+from prefect_robomaker.schemas.runs.policies import POLICY_FACTORY
+from prefect_robomaker.schemas.runs.trials import Trials
 from prefect_robomaker.tasks.runtime.episode.context import RobotProgramError
 from prefect_robomaker.tasks.runtime.episode.loading import LoadError
+from prefect_robomaker.tasks.runtime.episode.progress import Progress
 from prefect_robomaker.tasks.runtime.policies.policy_agent import PolicyAgent
+from prefect_robomaker.tasks.runtime.process.attempt import report_of
+from prefect_robomaker.tasks.runtime.process.trial_runs import TrialStage
 
 SPEC = {
     "speed": specs.Array((), np.float64),
@@ -209,11 +216,44 @@ def test_what_is_no_action_is_the_policys_fault(make: Make, tmp_path: Path, acti
         act(make("walk.py:act"))
 
 
-def test_what_is_observed_without_a_limit_is_named_where_the_action_has_none(make: Make, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("numbers", "said"),
+    [
+        (
+            [1, np.inf, 2],
+            "infinite numbers in lidar/near are normal, and may be the cause: a policy has to limit those",
+        ),
+        ([1, np.inf, np.nan], "it observed NaN in lidar/near, which may be the cause$"),
+    ],
+)
+def test_what_may_have_made_an_action_infinite_is_named(
+    make: Make, tmp_path: Path, numbers: list[float], said: str
+) -> None:
     write_network(tmp_path / "row.onnx", {"obs": SUM})
-    seen = {**OBSERVATION, "lidar": {**OBSERVATION["lidar"], "near": np.array([1, np.inf, 2], np.float32)}}
-    with pytest.raises(RobotProgramError, match=r"not finite; nor is what it observed of lidar/near, which it has to"):
+    seen = {**OBSERVATION, "lidar": {**OBSERVATION["lidar"], "near": np.array(numbers, np.float32)}}
+    with pytest.raises(RobotProgramError, match=rf"^policy row.onnx gave .*, which is not finite; {said}"):
         make("row.onnx")(dm_env.transition(0.0, seen))
+
+
+def test_the_reason_says_in_which_step_time_and_trial_an_action_was_not_finite(
+    make_context: Any, tmp_path: Path
+) -> None:
+    (tmp_path / "brain.py").write_text("act = lambda seen: [0.3, float('nan') if seen['time'] > 0.09 else 0]\n")
+    robot = ApplicationPlan(
+        role="robot",
+        name="brain",
+        attribute=POLICY_FACTORY,
+        policy="brain.py:act",
+        path=tmp_path,
+    )
+    trials = Trials.model_validate({"seeds": 2})
+    changes = {"trials": trials, "seed": 4, "record": False, "robot_application": robot}
+    plan = make_context().plan.model_copy(update=changes)
+    progress = Progress()
+    with pytest.raises(RobotProgramError, match=r"gave \[0\.3, nan\], which is not finite") as caught:
+        TrialStage(plan, progress, StopFlag()).play(trials.trial(1, plan.seed))
+    told = report_of(caught.value, progress)["error"]
+    assert told == f"{caught.value}, in step 3, at 0.100 s simulated, in trial 1 (seed 5)"
 
 
 def test_networks_are_computed_without_telling_their_makers(make: Make, tmp_path: Path) -> None:

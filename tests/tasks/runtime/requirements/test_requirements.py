@@ -3,6 +3,7 @@
 import itertools
 import pickle
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,7 +16,11 @@ from helpers.stop_flags import StopFlag
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, Requirement, RunPlan, RunResult
 from prefect_robomaker.schemas.runs.requirement_kinds.goal import GoalRequirement
+from prefect_robomaker.schemas.runs.requirements import parse_requirements
 from prefect_robomaker.schemas.wire.errors import LaunchError
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import (
+    make_environment as indoor_navigation,
+)
 from prefect_robomaker.tasks.runtime.episode.physics import robot_body
 from prefect_robomaker.tasks.runtime.episode.run_results import make_result
 from prefect_robomaker.tasks.runtime.process.run_loop import run_episode
@@ -202,6 +207,70 @@ def test_a_goal_that_is_reached_between_the_last_check_and_the_end(judge: Callab
     result = judge({"kind": "goal", "x": 1.0, "y": 0.0, "within_m": 0.2, "period_s": 100.0}, make=lambda: environment(
         time_limit=0.7))  # fmt: skip
     assert only(result).value == pytest.approx(0.7)
+
+
+def test_environment_and_goal_see_the_robot_in_the_same_room_at_the_last_step(make_context: Any) -> None:
+    """The border lies between the positions of the last step and of the physics step before it."""
+    context = make_context()
+    assert context.world is not None
+    arena, forth = indoor_navigation(context), np.array([1.0, 0.0])
+    arena.reset()
+    for _ in range(12):
+        arena.step(forth)
+    data = arena.physics.data.ptr
+    before, after = data.body(robot_body(arena.physics.model.ptr)).xpos[:2].copy(), data.qpos[:2].copy()
+    ahead, middle = after - before, (before + after) / 2
+    assert np.linalg.norm(ahead) > 1e-4
+    along = ahead / np.linalg.norm(ahead) * 99
+    aside = np.array([-along[1], along[0]])
+
+    def half_plane(way: float) -> list[tuple[float, ...]]:
+        corners = (middle + aside, middle - aside, middle - aside + way * along, middle + aside + way * along)
+        return [tuple(corner.tolist()) for corner in corners]
+
+    rooms = [
+        room.model_copy(update={"polygon": half_plane(way)})
+        for room, way in zip(context.world.floorplan.rooms, (-1, 1), strict=False)
+    ]
+    floorplan = context.world.floorplan.model_copy(update={"rooms": rooms})
+    world = context.world.model_copy(update={"floorplan": floorplan})
+
+    def act(timestep: Any) -> Any:
+        if timestep.observation["visited"].all():
+            raise StopIteration
+        return forth
+
+    goal = {"kind": "goal", "name": "there", "room": rooms[1].name, "by_s": 40}
+    plan = context.plan.model_copy(update={"requirements": parse_requirements([goal], "requirements")})
+    observer = RequirementsObserver(plan, world)
+    episode = run_episode(
+        lambda: indoor_navigation(replace(make_context(), world=world)), lambda environment: act,
+        mark=lambda phase: None, stop=StopFlag(), recorder=Recorder(), watchers=[observer],
+    )  # fmt: skip
+    result = make_result(episode, 1, [observer.close(episode.ended_by)])
+    assert episode.steps == 12
+    assert [item.detail for item in result.requirements if item.name == "there"] == [
+        f"{rooms[1].name} reached at 0.60 s, 40 s asked for"
+    ]
+
+
+@pytest.mark.parametrize("model", [MODEL, FLYING])
+@pytest.mark.parametrize("legacy_step", [True, False])
+def test_a_goal_sees_the_position_of_the_last_step(
+    judge: Callable[..., RunResult], model: str, legacy_step: bool
+) -> None:
+    def make() -> control.Environment:
+        return environment(model, time_limit=0.7, legacy_step=legacy_step)
+
+    arena = make()
+    timestep = arena.reset()
+    action = np.eye(arena.action_spec().shape[0])[0] * 5
+    while not timestep.last():
+        timestep = arena.step(action)
+    x = float(arena.physics.data.ptr.qpos[7])  # behind the free joint of ball or rock
+    assert x > 0.1
+    goal = {"kind": "goal", "x": x + 0.05, "y": 0.0, "within_m": 0.05 + 1e-9}
+    assert only(judge(goal, make=make, action=action)).value == pytest.approx(0.7)
 
 
 def test_a_time_limit(judge: Callable[..., RunResult]) -> None:
