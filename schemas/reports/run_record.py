@@ -67,7 +67,7 @@ class UsedApplication(Model):
 
     role: ApplicationRole = Field(description="Robot or simulation application.")
     name: str = Field(description="Its name in the catalog.")
-    digest: str = Field(description="SHA-256 of its files, or the id of its container image.")
+    digest: str = Field(description="SHA-256 of its files, or the id of its container image; empty: not loaded.")
 
 
 class JobInputs(Model):

@@ -33,9 +33,10 @@ class ApplicationDigest(Model):
     name: str = Field(description="Name of the application in the catalog.")
     attribute: str | None = optional("Dotted path of the application's factory function; absent: it is a program.")
     content: Literal["bundle", "module"] = Field(
-        description="Files that are hashed: all of the archive, or the Python files of the installed package."
+        description="Files that are hashed: all of the archive, or the Python files of the installed package; and "
+        "those of the job's policy."
     )
-    sha256: str = Field(description="SHA-256 over names and contents of the files, in hexadecimal.")
+    sha256: str = Field(description="SHA-256 over names and contents of the files, in hexadecimal; empty: not loaded.")
 
 
 class JointPlace(Model):

@@ -36,10 +36,13 @@ def change_in_words(change: ChangedInput) -> str:
         return f"parameter {change.name}: {before} → {after}"
     what = change.name if change.what == "version" else f"{change.what} {change.name}".rstrip()
     if change.before is None:
-        return f"{what} {_short(change.after)} is new"
+        return f"{what} {_short(change.after)}".rstrip() + " is new"
     if change.after is None:
         return f"{what} is gone"
-    return f"{what} {_short(change.before)} → {_short(change.after)}"
+    before, after = (
+        _digests(value) if change.what == "application" else _short(value) for value in (change.before, change.after)
+    )
+    return f"{what} {before} → {after}"
 
 
 def since_in_words(since: FailureStart) -> str:
@@ -218,6 +221,11 @@ def shared_since(changes: Sequence[CellChange]) -> str:
         return ""
     does, since, more = said.pop().partition(" since ")
     return f"All {does.replace(_FAILS, 'fail').replace(_BREAKS, 'break')}{since}{more}" if since else ""
+
+
+def _digests(value: str) -> str:
+    """Shortens an application's digests; an empty one is that of an application that could not be loaded."""
+    return ", ".join(_short(each) or "not loaded" for each in value.split(", "))
 
 
 def _short(value: str | None) -> str:

@@ -79,6 +79,42 @@ def imported_code(modules: Mapping[str, ModuleType], application_dirs: Sequence[
     return found
 
 
+def digest_of_code(name: str, modules: Mapping[str, ModuleType]) -> str:
+    """Computes the SHA-256 over an imported package's files, or over a module and what was imported from beside it.
+
+    Beside a module in a folder of installed distributions is unrelated code, which does not count.
+
+    Args:
+        name: Name of the outermost package or module.
+        modules: Modules of the process (`sys.modules`).
+
+    Returns:
+        The hash in hexadecimal; empty if the module was not imported.
+    """
+    places = _places(getattr(modules.get(name), "__spec__", None))
+    if not places:
+        return ""
+    folder = places[0].parent
+    if places[0].is_dir():  # a package's networks count as its code does
+        found = {name: " ".join(map(digest_of_folder, places))}
+    elif folder in installed_places():
+        found = {name: digest_of_file(places[0])}
+    else:
+        parents = {
+            each: {place.parent for place in _places(getattr(module, "__spec__", None))}
+            for each, module in list(modules.items())
+            if "." not in each
+        }
+        found = imported_code({each: modules[each] for each, there in parents.items() if folder in there})
+    return hashlib.sha256("".join(f"{each}\0{what}\0" for each, what in sorted(found.items())).encode()).hexdigest()
+
+
+def digest_of_file(path: Path) -> str:
+    """Computes the SHA-256 of a file's content."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
 def changed_code(recorded: Mapping[str, str]) -> str | None:
     """Returns the first package that differs from a recorded list; `None` if all are the same."""
     return next((name for name, what in sorted(recorded.items()) if _code_here(name) != what), None)
@@ -156,4 +192,4 @@ def _stamp(place: Path) -> str:
 def _digest(place: Path) -> str:
     if place.is_dir():
         return f"package {digest_of_folder(place, '.py')}"
-    return f"module {hashlib.sha256(place.read_bytes()).hexdigest()}"
+    return f"module {digest_of_file(place)}"

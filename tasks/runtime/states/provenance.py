@@ -17,13 +17,14 @@ from typing import Any, Literal
 import mujoco
 
 from ....schemas.runs.plan import ApplicationPlan, RunPlan
+from ....schemas.runs.policies import parse_policy
 from ....schemas.runs.provenance import PROVENANCE_FILE, ActionsSummary, ApplicationDigest, MachineFacts, Provenance
 from ....schemas.runs.variables import without_secrets
 from ...files.untrusted_files import write_anew
 from ..episode.physics import raw_physics
 from ..episode.run_results import Findings, Observer
 from .digest import DIGEST_FILE, LOOK_EVERY_S, StateDigest
-from .imported_code import digest_of_folder, imported_code
+from .imported_code import digest_of_code, digest_of_file, digest_of_folder, imported_code
 
 _DISTRIBUTIONS = {
     "mujoco": "mujoco",
@@ -90,7 +91,7 @@ class ProvenanceRecorder(Observer):
                 lack of time.
         """
         digest = self._digest.finish(self._data)
-        applications = [] if ended_by == "canceled" else _digests_of(self._applications)
+        applications = [] if ended_by == "canceled" else _digests_of(self._applications, self._plan.root_dir)
         actions = self._actions() if self._actions is not None else None
         imported = {} if ended_by == "canceled" else _imported_by(self._applications)
         self._write(digest=digest, ended_by=ended_by, applications=applications, imported=imported, actions=actions)
@@ -146,7 +147,7 @@ def note_run(plan: RunPlan, applications: Sequence[ApplicationPlan] = (), ended_
     _write_provenance(
         plan,
         world_sha256=digest_of_folder(plan.world_dir) if plan.world_dir else None,
-        applications=_digests_of(applications),
+        applications=_digests_of(applications, plan.root_dir),
         imported=_imported_by(applications) if applications else {},
         ended_by=ended_by,
     )
@@ -171,12 +172,13 @@ def _write_provenance(plan: RunPlan, **members: Any) -> None:
     write_anew(plan.output_dir / PROVENANCE_FILE, provenance.model_dump_json(indent=1).encode() + b"\n")
 
 
-def _digests_of(applications: Sequence[ApplicationPlan]) -> list[ApplicationDigest]:
+def _digests_of(applications: Sequence[ApplicationPlan], root: Path | None) -> list[ApplicationDigest]:
     """Returns the hashes of all applications with files on this machine.
 
-    Container images need none, since the plan has their ids. Recorded actions need no program.
+    Container images need none, since the plan has their ids. Recorded actions need no program. The files of data
+    sources are below the root folder; `None`: that of this machine.
     """
-    found = [(each, _content_of(each)) for each in applications]
+    found = [(each, _content_of(each, root)) for each in applications]
     return [
         ApplicationDigest(role=each.role, name=each.name, attribute=each.attribute, content=what[0], sha256=what[1])
         for each, what in found
@@ -188,15 +190,37 @@ def _imported_by(applications: Sequence[ApplicationPlan]) -> dict[str, str]:
     return imported_code(sys.modules, [each.path for each in applications if each.path is not None])
 
 
-def _content_of(application: ApplicationPlan) -> tuple[Literal["bundle", "module"], str] | None:
+def _content_of(application: ApplicationPlan, root: Path | None) -> tuple[Literal["bundle", "module"], str] | None:
     """Returns the kind (bundle or module) and the hash of an application's content; `None` if it is not known."""
+    policy = _digest_of_policy(application, root)
     if application.path is not None:
-        return "bundle", digest_of_folder(application.path)
+        bundle = digest_of_folder(application.path)
+        return "bundle", bundle if policy is None else hashlib.sha256(f"{bundle} {policy}".encode()).hexdigest()
+    if policy is not None:  # the factory of its agent is this package's, whose version is recorded
+        return "module", policy
     if application.attribute is not None:
         return "module", _digest_of_module(application.attribute)
     if application.package is not None and (sha256 := _digest_of_package(application.package)):
         return "module", sha256
     return None
+
+
+def _digest_of_policy(application: ApplicationPlan, root: Path | None) -> str | None:
+    """Returns the hash of an application's policy; `None`: it has none, or the policy is in the application's archive.
+
+    The hash is empty if the policy was not found.
+    """
+    if application.policy is None:
+        return None
+    policy = parse_policy(application.policy)
+    if policy.file is not None and policy.file.startswith("/"):
+        file = (root or Path("/")) / policy.file.lstrip("/")
+        return digest_of_file(file) if file.is_file() else ""
+    if application.path is not None:
+        return None
+    name = (policy.module or "").partition(".")[0]
+    is_own = name == __name__.partition(".")[0]
+    return _digest_of_module(policy.module or "") if is_own else digest_of_code(name, sys.modules)
 
 
 def _digest_of_module(attribute: str) -> str:

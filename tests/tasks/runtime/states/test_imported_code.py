@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from prefect_robomaker.tasks.runtime.states import imported_code as imported_code_module
-from prefect_robomaker.tasks.runtime.states.imported_code import changed_code, imported_code
+from prefect_robomaker.tasks.runtime.states.imported_code import changed_code, digest_of_code, imported_code
 
 
 @pytest.fixture
@@ -65,3 +65,25 @@ def test_a_process_that_runs_on_sees_what_is_installed_meanwhile(
     assert changed_code(found) is None
     (library / "loose_module-1.0.dist-info").rename(library / "loose_module-1.1.dist-info")
     assert changed_code(found) == "loose_module"
+
+
+def test_a_module_is_hashed_with_what_was_imported_from_beside_it(library: Path) -> None:
+    (library / "loose_neighbour.py").write_text("LIMIT = 1\n")
+    loaded = {name: importlib.import_module(name) for name in ("loose_package", "loose_module", "numpy", "json")}
+    first = digest_of_code("loose_module", loaded)
+    (library / "loose_neighbour.py").write_text("LIMIT = 2\n")
+    assert digest_of_code("loose_module", loaded) == first, "it was not imported"
+    (library / "loose_package" / "inner.py").write_text("GAIN = 2\n")
+    second = digest_of_code("loose_module", loaded)
+    (library / "loose_module.py").write_text("LIMIT = 2\n")
+    assert len({first, second, digest_of_code("loose_module", loaded)}) == 3
+
+
+def test_a_package_is_hashed_with_its_networks(library: Path) -> None:
+    loaded = {name: importlib.import_module(name) for name in ("loose_package", "loose_module")}
+    first = digest_of_code("loose_package", loaded)
+    (library / "loose_module.py").write_text("LIMIT = 2\n")
+    assert digest_of_code("loose_package", loaded) == first
+    (library / "loose_package" / "weights.npz").write_bytes(b"1")
+    assert digest_of_code("loose_package", loaded) != first
+    assert digest_of_code("absent", loaded) == ""

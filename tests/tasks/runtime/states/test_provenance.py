@@ -3,13 +3,16 @@
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from helpers.paths import REPOSITORY
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
+from prefect_robomaker.schemas.runs.policies import POLICY_FACTORY
 from prefect_robomaker.schemas.runs.programs import ProgramPlan
 from prefect_robomaker.schemas.runs.provenance import PROVENANCE_FILE, Provenance
+from prefect_robomaker.schemas.runs.trials import Trials
 from prefect_robomaker.tasks.runtime.states.provenance import digest_of_folder, machine_facts, note_run
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
@@ -70,6 +73,35 @@ def test_a_changed_policy_has_another_digest(
     assert one[0] == one[1] == digest_of_folder(CARTPOLE)
     assert other[0] == other[1] == digest_of_folder(changed) != one[0]
     assert result_of(plans[0]).state_digest == result_of(plans[1]).state_digest
+
+
+@pytest.mark.parametrize(
+    ("policy", "file", "members"),
+    [
+        ("pole_policy:act", "pole_policy.py", {}),
+        ("pole_policy:act", "pole_policy.py", {"trials": Trials(seeds=2)}),
+        ("/data/act.py:act", "data/act.py", {}),
+        ("/data/act.py:act", "data/act.py", {"path": CARTPOLE}),
+    ],
+)
+def test_an_application_has_another_digest_with_another_policy_outside_its_archive(
+    launcher: Launcher, cartpole: Callable[..., RunPlan], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    policy: str, file: str, members: dict[str, Any],
+) -> None:  # fmt: skip
+    path = members.get("path")
+    given = {name: value for name, value in members.items() if name != "path"}
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "data").mkdir()
+    digests = []
+    for number in (0, 1):
+        (tmp_path / file).write_text(f"def act(seen):\n    return [0.0]  # {number}\n")
+        robot = ApplicationPlan(role="robot", name=policy, attribute=POLICY_FACTORY, policy=policy, path=path)
+        for again in "ab":
+            plan = cartpole(run_id=f"{again}{number}", robot_application=robot, root_dir=tmp_path, **given)
+            assert launcher.run(plan, lambda: None).status == "Completed"
+            digests += [each.sha256 for each in read(plan).applications if each.role == "robot"]
+    assert digests[0] == digests[1] != digests[2] == digests[3]
+    assert "" not in digests
 
 
 def test_a_run_that_fails_has_one_and_one_without_physics_has_no_digest(
