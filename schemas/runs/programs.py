@@ -12,6 +12,8 @@ from ..wire.job_configs import ExitBehavior
 
 ApplicationRole = Literal["robot", "simulation"]
 ProgramKind = Literal["application", "tool"]
+TOPIC_RECORDER = "ros-topics"
+"""Name of the recorder of ROS topics among the programs of a run, after its application's role and a dot."""
 FailureBehavior = Literal["Fail", "Continue"]
 SandboxMode = Literal["auto", "require", "off"]
 BoxLevel = Literal["box", "landlock", "none"]

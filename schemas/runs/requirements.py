@@ -100,6 +100,17 @@ _STARTS_ON_ORIGIN = "indoor-navigation"
 """Name of the simulation application whose robots start at the origin."""
 
 _BEGINNING = "ROBOMAKER_"
+_MEANT = frozenset(
+    f"{_BEGINNING}{ending}"
+    for ending in (
+        *("REQUIREMENTS", "TRIALS", "ROBOT", "POLICY", "ROS", "SEED", "SECRETS", "SIM_TIME_LIMIT_S", "APPEARANCE"),
+        *("VIDEO_SIZE", "VIDEO_FPS", "VIDEO_CAMERA", "RECORD_CAMERA", "RECORD_CAMERA_HZ", "CHECKPOINT_EVERY_S"),
+        *("OUTPUT_DIR", "DATA_DIR", "WORLD_DIR", "JOB_ROOT", "HOME", "MAP_YAML", "AGENT_SOCKET", "ROS1_SOCKET"),
+    )
+)
+"""Names of launch variables that mean something to runs."""
+_NEAR_VARIABLE = 0.85
+"""Minimum similarity, without the beginning: `ROBBOT` has 0.91 of `ROBOT`, `SIMTIME_LIMIT` 0.93; `CAMERA` has less."""
 _NEAR, _NEAR_AS_A_WHOLE = 0.8, 0.9
 """Minimum similarity of two names to suggest one for the other: without their common prefix, and as a whole."""
 
@@ -198,13 +209,22 @@ def misspelt_requirements(variables: Iterable[str]) -> list[str]:
     return [name for name in variables if name != REQUIREMENTS_VARIABLE and _is_meant(name)]
 
 
-def doubtful_requirements(variables: Iterable[str]) -> list[str]:
-    """Returns the names of other launch variables that begin like `ROBOMAKER_REQUIREMENTS`."""
-    return [
-        name
-        for name in variables
-        if name.startswith(f"{_BEGINNING}REQ") and name != REQUIREMENTS_VARIABLE and not _is_meant(name)
-    ]
+def doubtful_variables(variables: Iterable[str]) -> Iterator[tuple[str, str]]:
+    """Yields names of launch variables that mean nothing, and are nearly those that set how a run goes.
+
+    Args:
+        variables: Names of launch variables. Applications may read others of their own, also with this beginning.
+
+    Yields:
+        The name, and the one that may be meant.
+    """
+    for name in variables:
+        if not name.startswith(_BEGINNING) or name in _MEANT or _is_meant(name):
+            continue
+        if name.startswith(f"{_BEGINNING}REQ"):
+            yield name, REQUIREMENTS_VARIABLE
+        elif near := [each for each in _MEANT if _likeness(*(_ending(one) for one in (name, each))) >= _NEAR_VARIABLE]:
+            yield name, max(near, key=lambda each: _likeness(name, each))
 
 
 def starts_on_origin(order: Mapping[str, Any]) -> bool:
@@ -262,6 +282,10 @@ def _is_meant(name: str) -> bool:
     if name.startswith(_BEGINNING):
         return _likeness(name.removeprefix(_BEGINNING), REQUIREMENTS_VARIABLE.removeprefix(_BEGINNING)) >= _NEAR
     return _likeness(name, REQUIREMENTS_VARIABLE) >= _NEAR_AS_A_WHOLE
+
+
+def _ending(name: str) -> str:
+    return name.removeprefix(_BEGINNING)
 
 
 def _likeness(name: str, other: str) -> float:

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....schemas.runs.plan import RecordedActions, Requirement, RunPlan, RunResult, VideoPolicy
+from ....schemas.runs.programs import TOPIC_RECORDER
 from ....schemas.runs.provenance import PROVENANCE_FILE, JointPlace, MachineFacts, Provenance
 from ....schemas.runs.verification import Divergence
 from ..agents.action_log import ACTIONS_FILE, ActionLog, ActionLogError
 from ..episode.progress import program_in_words
 from ..episode.run_results import RESULT_FILE
-from ..ros.topic_report import PROGRAM as RECORDER
 from ..states.digest import DIGEST_FILE, StateTimeline, read_timeline
 
 STOPPED_FROM_OUTSIDE = ("duration limit", "canceled")
@@ -68,7 +68,7 @@ def why_not_repeatable(run: RunOutputs, *, run_program: bool = False) -> list[st
     programs = without_robot_programs(plan).programs if run.actions is not None and not run_program else plan.programs
     if plan.has_robot_program:
         # The recorder of ROS topics is this package's own, and drives nothing.
-        programs = [each for each in programs if each.kind == "tool" and not each.name.endswith(f".{RECORDER}")]
+        programs = [each for each in programs if each.kind == "tool" and not each.name.endswith(f".{TOPIC_RECORDER}")]
     reasons = [
         f"{program_in_words(each, plan)} is a program of its own: no seed repeats its timing" for each in programs
     ]

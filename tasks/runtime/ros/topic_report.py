@@ -9,8 +9,6 @@ from pydantic import Field
 from ....schemas.wire.base import Model, optional
 from ....schemas.wire.common import counted
 
-PROGRAM = "ros-topics"
-"""Name of the topic recorder among the programs of a run, after the application's role."""
 MODULE = "prefect_robomaker.tasks.runtime.ros.topic_recorder"
 """Python module of the topic recorder."""
 LogTimes = Literal["clock", "elapsed", "sent"]

@@ -5,14 +5,13 @@ from contextlib import suppress
 from pathlib import Path
 
 from ....schemas.runs.plan import RunPlan, RunResult
-from ....schemas.runs.programs import RunStop
+from ....schemas.runs.programs import TOPIC_RECORDER, RunStop
 from ....schemas.runs.recording_sources import sources_in
 from ....schemas.runs.variables import variables_of
 from ....schemas.wire.errors import InvalidParameterException
 from ..episode.run_results import write_result
 from ..limits.logs import LOG_FOLDER
 from ..process.judging_request import JudgingRequest
-from ..ros.topic_report import PROGRAM
 from .finished_outputs import read_result, with_judged
 from .helper_programs import run_helper
 from .ros_topics import BAG_FILE
@@ -67,8 +66,8 @@ def judge_topics(
 
 def _has_recorder(plan: RunPlan) -> bool:
     """Returns whether topics were to be recorded: a recorder ran, or its log says why it did not."""
-    has_log = (plan.output_dir / LOG_FOLDER / f"{PROGRAM}.log").is_file()
-    return has_log or any(program.name.endswith(f".{PROGRAM}") for program in plan.programs)
+    has_log = (plan.output_dir / LOG_FOLDER / f"{TOPIC_RECORDER}.log").is_file()
+    return has_log or any(program.name.endswith(f".{TOPIC_RECORDER}") for program in plan.programs)
 
 
 def _is_file(path: Path) -> bool:

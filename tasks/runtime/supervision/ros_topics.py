@@ -9,11 +9,11 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from ....schemas.runs.plan import RunPlan
+from ....schemas.runs.programs import TOPIC_RECORDER
 from ...files.untrusted_files import read_left, unfinished_of
 from ..limits.logs import LOG_FOLDER, add_note, log_tail
 from ..ros.topic_report import (
     MAX_REPORT_BYTES,
-    PROGRAM,
     RecorderReport,
     losses_of,
     notes_of,
@@ -27,7 +27,7 @@ from .helper_programs import MAX_REASON_CHARACTERS, run_helper
 _JOINING = "prefect_robomaker.tasks.runtime.ros.joining"
 _PART = re.compile(r"ros-topics\.([1-9][0-9]{0,5})\.mcap")
 _REPORT_SUFFIX = ".json"
-BAG_FILE = f"{PROGRAM}.bag"
+BAG_FILE = f"{TOPIC_RECORDER}.bag"
 """File name of the recording of ROS 1 topics."""
 _JOINED = ("recording.mcap", "metadata.yaml", "foxglove-layout.json")
 """Names of the files that merging rewrites."""
@@ -57,11 +57,11 @@ def join_ros_topics(
     Returns:
         Why topics are not in the recording as a whole, by their names.
     """
-    program = next((each.name for each in plan.programs if each.name.endswith(f".{PROGRAM}")), None)
+    program = next((each.name for each in plan.programs if each.name.endswith(f".{TOPIC_RECORDER}")), None)
     folder = plan.output_dir
     if program is None:
         with suppress(OSError):
-            why = read_left(folder / LOG_FOLDER / f"{PROGRAM}.log", MAX_REASON_CHARACTERS * 4)
+            why = read_left(folder / LOG_FOLDER / f"{TOPIC_RECORDER}.log", MAX_REASON_CHARACTERS * 4)
             add_result_notes(folder, why.decode(errors="replace").splitlines()[:1])
         return {}
     _remove_unfinished(folder)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ....schemas.documents.simulation_jobs import SimulationJobDocument
-from ....schemas.runs.requirements import REQUIREMENTS_VARIABLE, doubtful_requirements
+from ....schemas.runs.requirements import doubtful_variables
 from ....schemas.wire.errors import (
     InvalidParameterException,
     ObjectNotFoundError,
@@ -121,9 +121,9 @@ def notes_of(
         if upload.path and index not in matched
     ]
     notes += [
-        f"the launch variable {name} means nothing here; did you mean {REQUIREMENTS_VARIABLE}?"
+        f"the launch variable {name} means nothing here; did you mean {meant}?"
         for _, config in application_configs(request)
-        for name in doubtful_requirements((config.get("launchConfig") or {}).get("environmentVariables") or {})
+        for name, meant in doubtful_variables((config.get("launchConfig") or {}).get("environmentVariables") or {})
     ]
     kept = folder / _NEW_BUCKET
     return [*notes, kept.read_text()] if kept.is_file() else notes

@@ -11,14 +11,13 @@ from typing import Any
 from ....schemas.documents.applications import ApplicationDocument, StoredSource
 from ....schemas.runs.plan import ApplicationPlan, ApplicationRole
 from ....schemas.runs.policies import POLICY_FACTORY, parse_policy, policy_in
-from ....schemas.runs.programs import PortPlan, ProgramPlan
+from ....schemas.runs.programs import TOPIC_RECORDER, PortPlan, ProgramPlan
 from ....schemas.runs.ros_options import RosPlan
 from ....schemas.wire.errors import LaunchError, ResourceNotFoundException
 from ...bundles.colcon import own_program, package_folders
 from ...bundles.launch_files import node_variables, own_master
 from ...catalog import Resource
 from ...runtime.ros.ros1_bridge import BRIDGE
-from ...runtime.ros.topic_report import PROGRAM
 from ...service.service import PACKAGE
 from ..containers.plans import plan_container
 from ..environment.folders import HOME, TEMPORARY, remove
@@ -100,9 +99,9 @@ def _recorder_of_ros_1(ros: RosLaunch, run_environment: RunEnvironment) -> Progr
     program = own_program(ros.code.folder, "rosbag") or run_environment.which("rosbag")
     if program is None:
         return "rosbag is not installed where the job runs"
-    bag = run_environment.plan.output_dir / f"{PROGRAM}.bag"
+    bag = run_environment.plan.output_dir / f"{TOPIC_RECORDER}.bag"
     argv = (str(program), "record", "--all", "--output-name", str(bag))
-    return _companion(ros, PROGRAM, in_ros(ros.code, ros.launch.launcher, argv), run_environment, {})
+    return _companion(ros, TOPIC_RECORDER, in_ros(ros.code, ros.launch.launcher, argv), run_environment, {})
 
 
 def _companion(

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from ....schemas.extras import how_to_install
 from ....schemas.runs.plan import RunPlan
-from ....schemas.runs.programs import ApplicationRole, ProgramPlan
-from ...runtime.ros.topic_report import MODULE, PROGRAM, LogTimes, RecorderRequest
+from ....schemas.runs.programs import TOPIC_RECORDER, ApplicationRole, ProgramPlan
+from ...runtime.ros.topic_report import MODULE, LogTimes, RecorderRequest
 from ..ros.ros_domains import DOMAIN_VARIABLE
 
 _DISK_SHARE = 8
@@ -63,7 +63,7 @@ def _recorder(plan: RunPlan, environ: Mapping[str, str], most_bytes: int) -> Pro
     )
     role: ApplicationRole = "robot" if any(program.role == "robot" for program in plan.programs) else "simulation"
     return ProgramPlan(
-        name=f"{role}.{PROGRAM}",  # a tool's name has a dash there
+        name=f"{role}.{TOPIC_RECORDER}",  # a tool's name has a dash there
         role=role,
         kind="tool",
         argv=[sys.executable, "-P", "-m", MODULE, request.model_dump_json()],
@@ -79,6 +79,6 @@ def _recorder(plan: RunPlan, environ: Mapping[str, str], most_bytes: int) -> Pro
 
 def note_no_recorder(output_dir: Path, why: str) -> None:
     """Writes the recorder's log file into the run's outputs, which says why no ROS topics are recorded."""
-    log = output_dir / "logs" / f"{PROGRAM}.log"
+    log = output_dir / "logs" / f"{TOPIC_RECORDER}.log"
     log.parent.mkdir(exist_ok=True)
     log.write_text(f"loggingConfig.recordAllRosTopics: no ROS topics are recorded: {why}\n")

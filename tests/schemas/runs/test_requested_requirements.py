@@ -6,7 +6,7 @@ import pytest
 
 from prefect_robomaker.schemas.operations.registry import parse_request
 from prefect_robomaker.schemas.runs.requirement_kinds.goal import goals_at_start
-from prefect_robomaker.schemas.runs.requirements import starts_on_origin
+from prefect_robomaker.schemas.runs.requirements import doubtful_variables, starts_on_origin
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException
 
 HERE = {"kind": "goal", "name": "here", "x": 0.3, "y": 0.0}
@@ -82,3 +82,13 @@ def test_a_robot_beside_a_recording_is_refused(name: str) -> None:
         parse_request("CreateSimulationJob", recorded(name, robotApplications=[robot]))
     parse_request("CreateSimulationJob", recorded(name))
     parse_request("CreateSimulationJob", recorded("indoor-navigation", robotApplications=[robot]))
+
+
+def test_launch_variables_that_are_nearly_known_ones_are_named() -> None:
+    given = ["ROBOMAKER_SIM_TIMELIMIT_S", "ROBOMAKER_ROBBOT", "ROBOMAKER_REQUIRED", "ROBOMAKER_MINE", "GAIN"]
+
+    assert dict(doubtful_variables([*given, "ROBOMAKER_ROBOT", "ROBOMAKER_REQUIREMENTS"])) == {
+        "ROBOMAKER_SIM_TIMELIMIT_S": "ROBOMAKER_SIM_TIME_LIMIT_S",
+        "ROBOMAKER_ROBBOT": "ROBOMAKER_ROBOT",
+        "ROBOMAKER_REQUIRED": "ROBOMAKER_REQUIREMENTS",
+    }

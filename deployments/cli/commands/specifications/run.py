@@ -7,6 +7,7 @@ fail; what broke or was cancelled goes first.
 
 import argparse
 import dataclasses
+import os
 import sys
 from typing import TYPE_CHECKING
 
@@ -132,10 +133,13 @@ def _chosen(arguments: argparse.Namespace) -> "CheckedSpec":
 
     Raises an error if the specification has problems, or a name or seed does not do.
     """
+    from .....schemas.settings import Settings
     from .....schemas.specs.specification import with_seed
     from ...inputs.specifications import given_parameters, read_spec
 
-    spec = read_spec(arguments.spec, given_parameters(arguments))
+    # Code may lie elsewhere, or be another, where jobs run on other machines; here it is what they will have.
+    is_here = (arguments.backend or Settings.from_environment(os.environ).backend) == "local"
+    spec = read_spec(arguments.spec, given_parameters(arguments), with_code=is_here)
     if arguments.name is not None:
         spec = dataclasses.replace(spec, name=spec_name(arguments.name))
     if arguments.seed is not None:

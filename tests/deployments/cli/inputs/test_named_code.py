@@ -69,7 +69,7 @@ def pack(home: Path) -> Any:
     return packed
 
 
-@pytest.mark.parametrize("command", ["validate", "plan"])
+@pytest.mark.parametrize("command", ["validate", "plan", "run"])
 def test_all_that_is_wrong_in_an_archive_is_told_with_both_places(
     robomaker: Any, tmp_path: Path, pack: Any, command: str
 ) -> None:
