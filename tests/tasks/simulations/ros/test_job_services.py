@@ -21,10 +21,9 @@ from prefect_robomaker.tasks.simulations.ros.service_node import SOCKET, ask
 
 @pytest.fixture
 def job(service: Service) -> str:
-    launch = {"packageName": "x", "launchFile": "y"}
     request = {
         "maxJobDurationInSeconds": 60, "iamRole": ROLE,
-        "simulationApplications": [{"application": "indoor-navigation", "launchConfig": launch}],
+        "simulationApplications": [{"application": "indoor-navigation", "launchConfig": {}}],
     }  # fmt: skip
     return call("CreateSimulationJob", request, service)["arn"]
 
