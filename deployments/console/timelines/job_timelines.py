@@ -173,7 +173,7 @@ def _poses(
             return found
         missing = found.missing or (
             f"The places on {ODOMETRY} are not those of result.json."
-            if path
+            if timeline.result is not None
             else f"The run left no result.json, so nothing says that {ODOMETRY} is where the robot was."
         )
     places = [Pose(time_s, x, y, None) for time_s, x, y in path]
