@@ -106,6 +106,7 @@ _MEANT = frozenset(
         *("REQUIREMENTS", "TRIALS", "ROBOT", "POLICY", "ROS", "SEED", "SECRETS", "SIM_TIME_LIMIT_S", "APPEARANCE"),
         *("VIDEO_SIZE", "VIDEO_FPS", "VIDEO_CAMERA", "RECORD_CAMERA", "RECORD_CAMERA_HZ", "CHECKPOINT_EVERY_S"),
         *("OUTPUT_DIR", "DATA_DIR", "WORLD_DIR", "JOB_ROOT", "HOME", "MAP_YAML", "AGENT_SOCKET", "ROS1_SOCKET"),
+        *("SOURCES", "AGENT_CONNECT_TIMEOUT_S"),
     )
 )
 """Names of launch variables that mean something to runs."""

@@ -138,7 +138,7 @@ class RosBridge:
         if self._problem is not None:
             return f"its ROS nodes are not reached: {self._problem}"
         assert self._wire is not None
-        there = [f"{topic} with {kind}" for topic, kind in {**self._peers.mistyped, **self._peers.elsewhere}.items()]
+        there = self._peers.not_taken
         there += [f"subscribers of {', '.join(sorted(self._peers.heard))}"] if self._peers.heard else []
         return (
             f"or a node has to publish geometry_msgs/Twist or TwistStamped on {command_topic(self._options)} in "
@@ -277,8 +277,7 @@ class RosAgent:
 
     def silent(self) -> LaunchError:
         """Returns, without raising it, the error about ROS nodes that sent no commands."""
-        others = {**self._peers.mistyped, **self._peers.elsewhere}
-        found = [f"; one publishes {topic} with {kind}" for topic, kind in others.items()]
+        found = [f"; one publishes {each}" for each in self._peers.not_taken]
         said = (
             f"the nodes of robot application {self._robot} sent no command on {self._command_topic} in "
             f"{self._time_s:.2f} s of simulated time"

@@ -60,6 +60,11 @@ class Peers:
     has_ros_nodes: bool = True
     """Whether a node of ROS is among them, and not only programs that speak DDS by themselves."""
 
+    @property
+    def not_taken(self) -> list[str]:
+        """Publishers whose commands are not taken, as `/cmd_vel with std_msgs/msg/String`."""
+        return [f"{topic} with {kind}" for topic, kind in {**self.mistyped, **self.elsewhere}.items()]
+
 
 class Wire(Protocol):
     """Interface of a connection from the simulation to ROS nodes.
